@@ -1,0 +1,51 @@
+//! A batch of experience: what one rollout of several environments leaves for an update.
+
+use std::ops::Range;
+
+use nalgebra::DMatrix;
+
+/// `n` samples, environment by environment, each environment's in the order of time.
+#[derive(Debug, Clone)]
+pub struct Batch {
+    /// Normalised observations as the policy saw them `[observation_dim x n]`.
+    pub observations: DMatrix<f32>,
+    /// Actions as sampled, unclamped `[action_dim x n]`.
+    pub actions: DMatrix<f32>,
+    /// The rewards that are trained on `[n]`.
+    pub rewards: Vec<f64>,
+    /// Pieces of episodes that cover all samples in order.
+    pub segments: Vec<Segment>,
+}
+
+/// A piece of one episode, contiguous in the batch.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Segment {
+    /// Its samples.
+    pub range: Range<usize>,
+    /// What comes after its last sample.
+    pub end: SegmentEnd,
+}
+
+/// What comes after a segment.
+#[derive(Debug, Clone, PartialEq)]
+pub enum SegmentEnd {
+    /// Nothing: the episode terminated, and its return is complete.
+    Terminated,
+    /// More: the time limit or the rollout's end cut it, so the value of what came next stands in.
+    Bootstrapped {
+        /// The normalised observation after the last action `[observation_dim]`.
+        last_observation: Vec<f32>,
+    },
+}
+
+impl Batch {
+    /// Number of samples.
+    pub fn len(&self) -> usize {
+        self.rewards.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.rewards.is_empty()
+    }
+}

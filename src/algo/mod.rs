@@ -1,0 +1,124 @@
+//! The algorithms: one file each, with its hyperparameters, over shared parts.
+//!
+//! Owns what turns a batch of experience into a better policy. Never steps an environment, reads a file or prints. Start
+//! at [`mcpo`], whose update reads like the paper; [`OnPolicy`] is what the training loop sees.
+
+pub mod batch;
+pub mod critic;
+pub mod gae;
+pub mod mcpo;
+pub mod mimicry;
+pub mod ppo;
+pub mod trust_region;
+
+use serde::{Deserialize, Serialize};
+
+pub use batch::{Batch, Segment, SegmentEnd};
+
+use crate::{
+    nn::{GaussianPolicy, Mlp, Normalizer},
+    rng::Rng,
+};
+
+/// What learns: a policy, a value network, and the normaliser of both networks' inputs.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Agent {
+    /// The policy.
+    pub policy: GaussianPolicy,
+    /// The value network, `[observation_dim] -> [1]`.
+    pub value: Mlp,
+    /// The running normaliser of observations.
+    pub normalizer: Normalizer,
+}
+
+/// What can go wrong in an update.
+#[derive(Debug, thiserror::Error)]
+pub enum AlgoError {
+    /// A number stopped being one.
+    #[error("{what} is {value} in this update: training diverged")]
+    Diverged {
+        /// The quantity.
+        what: &'static str,
+        /// NaN or an infinity.
+        value: f64,
+    },
+    /// A saved state does not fit.
+    #[error("the saved state of {algorithm} cannot be read: {source}")]
+    State {
+        /// The algorithm's name.
+        algorithm: &'static str,
+        /// What the reader said.
+        source: postcard::Error,
+    },
+    /// The demonstration does not fit the algorithm.
+    #[error(transparent)]
+    Demonstration(#[from] crate::demo::DemoError),
+}
+
+/// One algorithm that learns from its own rollouts. The training loop collects a batch with the agent's policy, and hands
+/// it to [`update`](OnPolicy::update), once an iteration.
+pub trait OnPolicy: Send {
+    /// The agent whose policy acts.
+    fn agent(&self) -> &Agent;
+
+    /// The same, for the rollout, which updates the normaliser.
+    fn agent_mut(&mut self) -> &mut Agent;
+
+    /// Improves the policy on one batch. `rng` is the stream of updates.
+    ///
+    /// Errors: a loss or parameter is no longer finite.
+    fn update(&mut self, batch: &Batch, rng: &mut Rng) -> Result<Update, AlgoError>;
+
+    /// Everything the next update depends on, the agent included.
+    fn save(&self) -> Vec<u8>;
+
+    /// Puts back what [`save`](OnPolicy::save) gave.
+    ///
+    /// Errors: the bytes are of another algorithm or shape.
+    fn restore(&mut self, state: &[u8]) -> Result<(), AlgoError>;
+}
+
+/// What one update did; a quantity that the algorithm does not have is `None`, and a null in the results.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Update {
+    /// Mean KL of the new policy from the old one, nats.
+    pub kl: Option<f64>,
+    /// Entropy of the new policy, nats.
+    pub entropy: Option<f64>,
+    /// The surrogate's gain: new value minus old.
+    pub surrogate_gain: Option<f64>,
+    /// Mean squared error of the value network after the update's last pass.
+    pub value_loss: Option<f64>,
+    /// Share of samples whose probability ratio was clipped (PPO).
+    pub clip_fraction: Option<f64>,
+    /// `D(theta_k)`: MMD^2 to the demonstration, before the update.
+    pub mmd: Option<f64>,
+    /// `D(theta_k+1)`, after the update.
+    pub mmd_after: Option<f64>,
+    /// `d_k`, the tolerance in force.
+    pub d: Option<f64>,
+    /// Which case of the dual was met; see `algo::mcpo`.
+    pub case: Option<String>,
+    /// Multiplier of the KL constraint.
+    pub lambda: Option<f64>,
+    /// Multiplier of the mimicry constraint.
+    pub nu: Option<f64>,
+    /// The fraction of the step that the line search took; 0 when it rejected all.
+    pub step_fraction: Option<f64>,
+    /// Products that conjugate gradient took.
+    pub cg_iterations: Option<u64>,
+    /// Steps of the recovery by Eq. (13).
+    pub recovery_steps: Option<u64>,
+    /// The discriminator's loss (POfD, GAIL).
+    pub discriminator_loss: Option<f64>,
+    /// Loss of behaviour cloning, where this update did it.
+    pub cloning_loss: Option<f64>,
+    /// Seconds in each named part of the update, for `mcpo-run bench`.
+    #[serde(default)]
+    pub seconds: Vec<(String, f64)>,
+}
+
+/// `value`, or the error that training diverged when it is not finite.
+pub(crate) fn finite(what: &'static str, value: f64) -> Result<f64, AlgoError> {
+    if value.is_finite() { Ok(value) } else { Err(AlgoError::Diverged { what, value }) }
+}

@@ -1,0 +1,11 @@
+//! f32 arithmetic at the machine's rate: products of matrices, and exp and tanh of whole slices.
+//!
+//! Owns the choice of instructions, which is made at run time, so that one binary serves every CPU of its kind. Knows
+//! nothing of networks or kernels. Start at [`product`].
+//!
+//! (The design has no such module: both `nn` and `demo` need these, and neither may use the other.)
+
+mod elementary;
+pub mod product;
+
+pub use elementary::{exp, tanh};

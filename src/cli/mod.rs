@@ -1,0 +1,6 @@
+//! The command line.
+
+/// TODO
+pub fn main() -> std::process::ExitCode {
+    std::process::ExitCode::SUCCESS
+}

@@ -1,0 +1,1 @@
+//! The Parquet format: one row a step.

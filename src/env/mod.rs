@@ -1,0 +1,139 @@
+//! The seven tasks: their physics, their dense rewards and the paper's sparse ones.
+//!
+//! Owns what happens between an action and the next observation. Knows nothing of policies or learning. Start at
+//! [`Environment`], one episode's physics, and [`Task`], which adds the reward that is trained on and the time limit.
+
+mod id;
+mod mountain_car;
+mod mujoco;
+mod reward;
+mod task;
+
+pub use id::EnvId;
+pub use reward::{Reward, SparseMode};
+pub use task::{Task, Transition};
+
+use crate::rng::Rng;
+
+/// What an environment's observations and actions are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spaces {
+    /// Numbers in an observation.
+    pub observation_dim: usize,
+    /// Numbers in an action.
+    pub action_dim: usize,
+    /// Every action's bound: the physics clamps each number to `[-action_bound, action_bound]`; costs see it unclamped.
+    pub action_bound: f64,
+}
+
+/// Why an episode ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum EpisodeEnd {
+    /// The task ended it: no reward comes after this state.
+    Terminated,
+    /// The time limit cut it: the state's value still counts.
+    Truncated,
+}
+
+/// What one step of physics gives, beside the observation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Outcome {
+    /// The dense ("exact") reward.
+    pub reward: f64,
+    /// Whether the task ended the episode.
+    pub terminated: bool,
+}
+
+/// Generalised positions and velocities: what a demonstration stores so that it can be replayed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Pose {
+    /// Positions, in the engine's order.
+    pub qpos: Vec<f64>,
+    /// Velocities, in the engine's order.
+    pub qvel: Vec<f64>,
+}
+
+/// What can go wrong in an environment.
+#[derive(Debug, thiserror::Error)]
+pub enum EnvError {
+    /// No environment has this name.
+    #[error("unknown environment `{name}`; the nearest known one is `{nearest}`")]
+    UnknownEnvironment {
+        /// As it was given.
+        name: String,
+        /// The known name that differs least.
+        nearest: String,
+    },
+    /// An action, pose or saved state does not fit the environment.
+    #[error("{env}: {what} has {got} numbers; {expected} are needed")]
+    WrongLength {
+        /// The environment.
+        env: EnvId,
+        /// What was given.
+        what: &'static str,
+        /// Its length.
+        got: usize,
+        /// The length that fits.
+        expected: usize,
+    },
+    /// An action holds NaN or an infinity.
+    #[error("{env}: the action {action:?} is not finite")]
+    NonFiniteAction {
+        /// The environment.
+        env: EnvId,
+        /// As it was given.
+        action: Vec<f64>,
+    },
+    /// The reward does not exist for this environment.
+    #[error("{env} has no reward {reward}; it has dense and {has}")]
+    NoSuchReward {
+        /// The environment.
+        env: EnvId,
+        /// The reward that was asked for.
+        reward: &'static str,
+        /// The sparse reward that it has.
+        has: &'static str,
+    },
+    /// The physics engine refused its own model or state.
+    #[error("{env}: MuJoCo: {message}")]
+    Engine {
+        /// The environment.
+        env: EnvId,
+        /// What the engine said.
+        message: String,
+    },
+}
+
+/// The physics of one task. An implementation is deterministic: the same state and action give the same bits.
+pub trait Environment: Send {
+    /// The shapes and bounds.
+    fn spaces(&self) -> Spaces;
+
+    /// Starts an episode in a random initial state and writes its observation (`[observation_dim]`).
+    fn reset(&mut self, rng: &mut Rng, observation: &mut [f64]);
+
+    /// Takes one step under `action` (`[action_dim]`, unclamped) and writes the observation after it.
+    ///
+    /// Errors: the action has a wrong length or is not finite.
+    fn step(&mut self, action: &[f64], observation: &mut [f64]) -> Result<Outcome, EnvError>;
+
+    /// The number that the sparse reward watches: distance travelled since the episode's start, height of the last
+    /// pole, or 1 at the goal and 0 elsewhere.
+    fn landmark(&self) -> f64;
+
+    /// The pose now.
+    fn pose(&self) -> Pose;
+
+    /// Puts the environment into `pose` as the start of an episode, and writes its observation.
+    ///
+    /// Errors: the pose has a wrong length.
+    fn set_pose(&mut self, pose: &Pose, observation: &mut [f64]) -> Result<(), EnvError>;
+
+    /// Everything the next step depends on, for a checkpoint.
+    fn save(&self) -> Vec<f64>;
+
+    /// Puts back what [`save`](Environment::save) gave; from then on every bit is as it would have been.
+    ///
+    /// Errors: the state is of another environment.
+    fn restore(&mut self, state: &[f64]) -> Result<(), EnvError>;
+}

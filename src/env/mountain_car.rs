@@ -1,0 +1,5 @@
+//! MountainCarContinuous-v0.
+
+/// The car.
+#[derive(Debug)]
+pub struct MountainCar;

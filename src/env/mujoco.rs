@@ -1,0 +1,1 @@
+//! The six MuJoCo tasks; the only place that names `mujoco_rs`.

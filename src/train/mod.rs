@@ -1,0 +1,121 @@
+//! Training: one run, from its specification to its last evaluation.
+//!
+//! Owns the loops, the rollout and the evaluation, and the one `match` from specifications to objects. Knows nothing of
+//! files or processes: what happens is told to a [`RunSink`]. Start at [`run`].
+
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    algo::{Agent, AlgoError, Update},
+    demo::DemoError,
+    env::EnvError,
+    plan::RunSpec,
+};
+
+/// One iteration of training.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Iteration {
+    /// Counted from 1.
+    pub iteration: u64,
+    /// Environment steps so far, this iteration's included.
+    pub env_steps: u64,
+    /// Episodes that ended in this iteration's rollout.
+    pub episodes: u64,
+    /// Mean dense return of those episodes.
+    pub dense_return: Option<f64>,
+    /// Mean return of those episodes in the reward that is trained on.
+    pub training_return: Option<f64>,
+    /// Mean length of those episodes, steps.
+    pub episode_length: Option<f64>,
+    /// What the update did.
+    pub update: Update,
+    /// Seconds of the rollout.
+    pub rollout_seconds: f64,
+    /// Seconds of the update.
+    pub update_seconds: f64,
+}
+
+/// One evaluation episode.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct EvaluationEpisode {
+    /// Environment steps of training behind the policy.
+    pub env_steps: u64,
+    /// Whether this is the evaluation at the end of training.
+    pub last: bool,
+    /// Counted from 0 within the evaluation.
+    pub episode: u64,
+    /// Return in the dense reward.
+    pub dense_return: f64,
+    /// Return in the reward that is trained on.
+    pub training_return: f64,
+    /// Steps.
+    pub length: u64,
+}
+
+/// Whether to go on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Flow {
+    /// Go on.
+    Continue,
+    /// Stop here, cleanly.
+    Stop,
+}
+
+/// Where training tells what happens.
+pub trait RunSink {
+    /// An iteration ended. `checkpoint` gives the whole state when the sink wants to keep it.
+    fn iteration(&mut self, row: &Iteration, checkpoint: &dyn Fn() -> Vec<u8>) -> Result<Flow, SinkError>;
+
+    /// An evaluation ended.
+    fn evaluation(&mut self, episodes: &[EvaluationEpisode]) -> Result<(), SinkError>;
+
+    /// The policy after `env_steps`, to be kept: at the intervals of `checkpoint.keep_policy_every`, and at the end.
+    fn policy(&mut self, env_steps: u64, last: bool, agent: &Agent) -> Result<(), SinkError>;
+}
+
+/// A sink could not keep what it was told.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct SinkError(pub String);
+
+/// What ends a run before its time.
+#[derive(Debug, thiserror::Error)]
+pub enum TrainError {
+    /// The environment.
+    #[error(transparent)]
+    Env(#[from] EnvError),
+    /// The demonstration.
+    #[error(transparent)]
+    Demo(#[from] DemoError),
+    /// The update.
+    #[error("iteration {iteration}: {source}")]
+    Algo {
+        /// The iteration, counted from 1.
+        iteration: u64,
+        /// What went wrong.
+        source: AlgoError,
+    },
+    /// The sink.
+    #[error(transparent)]
+    Sink(#[from] SinkError),
+    /// A checkpoint that does not fit.
+    #[error("the checkpoint cannot be resumed from: {0}")]
+    Checkpoint(String),
+}
+
+/// How a run ended without error.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ending {
+    /// It used its budget.
+    Finished,
+    /// The sink asked it to stop.
+    Stopped,
+}
+
+/// Trains `spec` from its start, or from `checkpoint`, and tells `sink` what happens.
+///
+/// Errors: the demonstration or a checkpoint cannot be used, training diverged, or the sink failed.
+pub fn run(spec: &RunSpec, checkpoint: Option<&[u8]>, sink: &mut dyn RunSink) -> Result<Ending, TrainError> {
+    let _ = (spec, checkpoint, sink);
+    todo!()
+}
