@@ -6,6 +6,9 @@ use serde::{Deserialize, Serialize};
 use super::{Mlp, Pass};
 use crate::{rng::Rng, solver::LinearOperator};
 
+/// ln(2 pi).
+const LN_2_PI: f64 = 1.837_877_066_409_345_3;
+
 /// `pi(a|s) = N(mean(s), diag(exp(2 log_std)))`. Its parameters are the network's, then `log_std` (`[action_dim]`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct GaussianPolicy {
@@ -16,8 +19,8 @@ pub struct GaussianPolicy {
 impl GaussianPolicy {
     /// A policy whose mean starts near zero (output weights times 0.1) and whose standard deviation is `std`.
     pub fn new(observation_dim: usize, hidden: &[usize], action_dim: usize, std: f64, rng: &mut Rng) -> Self {
-        let _ = (observation_dim, hidden, action_dim, std, rng);
-        todo!()
+        let widths = [&[observation_dim], hidden, &[action_dim]].concat();
+        Self { mean: Mlp::new(&widths, 0.1, rng), log_std: vec![std.ln() as f32; action_dim] }
     }
 
     /// The mean's network.
@@ -55,8 +58,15 @@ impl GaussianPolicy {
 
     /// Writes `log pi(a|s)` of each column of `actions` (`[action_dim x n]`) under `means` to `densities` (`[n]`).
     pub fn log_densities(&self, means: DMatrixView<'_, f32>, actions: &DMatrix<f32>, densities: &mut [f64]) {
-        let _ = (means, actions, densities);
-        todo!()
+        assert_eq!(means.shape(), actions.shape(), "shape of the actions");
+        assert_eq!(densities.len(), actions.ncols(), "a density for each action");
+        let inverse_std = self.inverse_std();
+        let constant: f64 = self.log_std.iter().map(|&log_std| -f64::from(log_std) - 0.5 * LN_2_PI).sum();
+        for ((density, mean), action) in densities.iter_mut().zip(means.column_iter()).zip(actions.column_iter()) {
+            let squares = action.iter().zip(mean.iter()).zip(&inverse_std);
+            let square: f64 = squares.map(|((&a, &m), r)| ((f64::from(a) - f64::from(m)) * r).powi(2)).sum();
+            *density = constant - 0.5 * square;
+        }
     }
 
     /// Writes the gradient (`[dim]`) of the sum over samples of `weights[i] * log pi(a_i|s_i)`, the score function's sum.
@@ -69,8 +79,23 @@ impl GaussianPolicy {
         weights: &[f64],
         gradient: &mut [f32],
     ) {
-        let _ = (observations, pass, actions, weights, gradient);
-        todo!()
+        let means = pass.output();
+        assert_eq!(means.shape(), actions.shape(), "shape of the actions");
+        assert_eq!(weights.len(), actions.ncols(), "a weight for each action");
+        // By the mean: w (a - m) / std^2. By log_std: w ((a - m)^2 / std^2 - 1).
+        let inverse_std = self.inverse_std();
+        let mut by_log_std = vec![0.0f64; self.log_std.len()];
+        let mut cotangent = DMatrix::zeros(actions.nrows(), actions.ncols());
+        for (i, &weight) in weights.iter().enumerate() {
+            for (j, r) in inverse_std.iter().enumerate() {
+                let z = (f64::from(actions[(j, i)]) - f64::from(means[(j, i)])) * r;
+                cotangent[(j, i)] = (weight * z * r) as f32;
+                by_log_std[j] += weight * (z * z - 1.0);
+            }
+        }
+        let (by_mean, rest) = gradient.split_at_mut(self.mean.parameters().len());
+        self.mean.vjp(observations, pass, &cotangent, by_mean);
+        rest.iter_mut().zip(by_log_std).for_each(|(g, sum)| *g = sum as f32);
     }
 
     /// Writes the gradient (`[dim]`, zero in `log_std`) of the sum over samples of `cotangent . mean`.
@@ -81,19 +106,42 @@ impl GaussianPolicy {
         cotangent: &DMatrix<f32>,
         gradient: &mut [f32],
     ) {
-        let _ = (observations, pass, cotangent, gradient);
-        todo!()
+        let (by_mean, by_log_std) = gradient.split_at_mut(self.mean.parameters().len());
+        self.mean.vjp(observations, pass, cotangent, by_mean);
+        by_log_std.fill(0.0);
     }
 
     /// The mean over samples of `KL(old || self)`, where `means` are this policy's on the same observations.
     pub fn kl_from(&self, old_means: DMatrixView<'_, f32>, old_log_std: &[f32], means: DMatrixView<'_, f32>) -> f64 {
-        let _ = (old_means, old_log_std, means);
-        todo!()
+        assert_eq!(means.shape(), old_means.shape(), "shape of the means");
+        assert_eq!(old_log_std.len(), self.log_std.len(), "length of log_std");
+        // KL = log(std / old_std) + (old_std^2 + (old_mean - mean)^2) / (2 std^2) - 1/2, summed over the action's numbers.
+        let constant: f64 = self
+            .log_std
+            .iter()
+            .zip(old_log_std)
+            .map(|(&new, &old)| {
+                let log_ratio = f64::from(old) - f64::from(new);
+                0.5 * (2.0 * log_ratio).exp_m1() - log_ratio
+            })
+            .sum();
+        let inverse_std = self.inverse_std();
+        let mut sum = 0.0;
+        for (mean, old_mean) in means.column_iter().zip(old_means.column_iter()) {
+            let squares = mean.iter().zip(old_mean.iter()).zip(&inverse_std);
+            sum += squares.map(|((&m, &o), r)| ((f64::from(o) - f64::from(m)) * r).powi(2)).sum::<f64>();
+        }
+        constant + 0.5 * sum / means.ncols() as f64
     }
 
     /// The entropy in nats, the same in every state.
     pub fn entropy(&self) -> f64 {
-        todo!()
+        self.log_std.iter().map(|&log_std| f64::from(log_std) + 0.5 * (1.0 + LN_2_PI)).sum()
+    }
+
+    /// `1 / std` `[action_dim]`.
+    fn inverse_std(&self) -> Vec<f64> {
+        self.log_std.iter().map(|&log_std| (-f64::from(log_std)).exp()).collect()
     }
 }
 
@@ -105,12 +153,15 @@ pub struct Fisher<'a> {
     observations: &'a DMatrix<f32>,
     pass: &'a mut Pass,
     damping: f64,
+    /// Derivatives by the mean `[action_dim x n]`.
+    by_mean: DMatrix<f32>,
 }
 
 impl<'a> Fisher<'a> {
     /// `pass` is that of `policy`'s last forward pass on `observations`; `damping` is added to the diagonal.
     pub fn new(policy: &'a GaussianPolicy, observations: &'a DMatrix<f32>, pass: &'a mut Pass, damping: f64) -> Self {
-        Self { policy, observations, pass, damping }
+        let by_mean = DMatrix::zeros(policy.log_std.len(), observations.ncols());
+        Self { policy, observations, pass, damping, by_mean }
     }
 }
 
@@ -120,7 +171,20 @@ impl LinearOperator for Fisher<'_> {
     }
 
     fn apply(&mut self, x: &[f32], product: &mut [f32]) {
-        let _ = (x, product, self.observations, &mut self.pass, self.damping);
-        todo!()
+        let network = &self.policy.mean;
+        let (x_mean, x_log_std) = x.split_at(network.parameters().len());
+        let (product_mean, product_log_std) = product.split_at_mut(network.parameters().len());
+        network.jvp(self.observations, self.pass, x_mean, &mut self.by_mean);
+        // The KL's Hessian by the mean is 1 / std^2; here also the division by the number of samples.
+        let samples = self.by_mean.ncols() as f64;
+        let weights: Vec<f32> = self.policy.inverse_std().iter().map(|r| (r * r / samples) as f32).collect();
+        for column in self.by_mean.as_mut_slice().chunks_exact_mut(weights.len()) {
+            column.iter_mut().zip(&weights).for_each(|(x, w)| *x *= w);
+        }
+        network.vjp(self.observations, self.pass, &self.by_mean, product_mean);
+        let damping = self.damping as f32;
+        product_mean.iter_mut().zip(x_mean).for_each(|(y, x)| *y += damping * x);
+        // By log_std the KL's Hessian is 2, in every state.
+        product_log_std.iter_mut().zip(x_log_std).for_each(|(y, x)| *y = (2.0 + damping) * x);
     }
 }
