@@ -106,11 +106,7 @@ mod tests {
         numbers
     }
 
-    fn worst_relative_error(
-        function: fn(&mut [f32]),
-        exact: fn(f64) -> f64,
-        counts: fn(f64) -> bool,
-    ) -> (f64, f32) {
+    fn worst_relative_error(function: fn(&mut [f32]), exact: fn(f64) -> f64, counts: fn(f64) -> bool) -> (f64, f32) {
         let arguments = numbers();
         let mut values = arguments.clone();
         function(&mut values);

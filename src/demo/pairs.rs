@@ -7,6 +7,7 @@
 use std::ops::Range;
 
 use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut, DVector};
+use pulp::Arch;
 
 use super::Kernel;
 use crate::arithmetic::{exp, product::product_tn};
@@ -70,19 +71,24 @@ pub(super) struct Block<'a> {
 impl Block<'_> {
     /// Adds to `sums` (one a point of the columns' set) each column's sum over the rows.
     pub(super) fn add_column_sums(&self, sums: &mut [f64]) {
-        for (sum, column) in sums[self.columns.clone()].iter_mut().zip(self.values.column_iter()) {
-            *sum += lane_sum(column.as_slice());
-        }
+        let sums = &mut sums[self.columns.clone()];
+        Arch::new().dispatch(
+            #[inline(always)]
+            || sums.iter_mut().zip(self.values.column_iter()).for_each(|(sum, k)| *sum += lane_sum(k.as_slice())),
+        );
     }
 
     /// Adds to `sums` (one a point of the rows' set) each row's sum over the columns.
     pub(super) fn add_row_sums(&self, sums: &mut [f64]) {
         let sums = &mut sums[self.rows.clone()];
-        for column in self.values.column_iter() {
-            for (sum, &value) in sums.iter_mut().zip(column.as_slice()) {
-                *sum += f64::from(value);
-            }
-        }
+        Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                for column in self.values.column_iter() {
+                    sums.iter_mut().zip(column.as_slice()).for_each(|(sum, &value)| *sum += f64::from(value));
+                }
+            },
+        );
     }
 }
 
@@ -139,28 +145,36 @@ fn block<'a>(
         DMatrixViewMut::from_slice(buffer, height, width),
     );
     let scale = kernel.scale as f32;
-    for (j, values) in columns.clone().zip(buffer.chunks_exact_mut(height)) {
-        let norm = y.squared_norms[j];
-        let norms = &x.squared_norms[rows.clone()];
-        let mut cancels = false;
-        for (value, &other) in values.iter_mut().zip(norms) {
-            let squared = other + norm - 2.0 * *value;
-            cancels |= squared < CLOSE * (other + norm);
-            *value = squared;
-        }
-        if cancels {
-            for (i, (value, &other)) in rows.clone().zip(values.iter_mut().zip(norms)) {
-                if *value < CLOSE * (other + norm) {
-                    *value = squared_distance(x.point(i), y.point(j));
-                }
+    Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            for (j, values) in columns.clone().zip(buffer.chunks_exact_mut(height)) {
+                exponents(scale, x, rows.clone(), y, j, values);
             }
-        }
-        for value in values {
-            *value *= -scale;
-        }
-    }
+        },
+    );
     exp(buffer);
     Block { rows, columns, values: DMatrixView::from_slice(buffer, height, width) }
+}
+
+/// Turns the cross products of some points of `x` with point `j` of `y` into exponents `-scale |x - y|^2`.
+#[inline(always)]
+fn exponents(scale: f32, x: &Points, rows: Range<usize>, y: &Points, j: usize, values: &mut [f32]) {
+    let norm = y.squared_norms[j];
+    let norms = &x.squared_norms[rows.clone()];
+    let mut cancels = false;
+    for (value, &other) in values.iter_mut().zip(norms) {
+        let squared = other + norm - 2.0 * *value;
+        cancels |= squared < CLOSE * (other + norm);
+        *value = -scale * squared;
+    }
+    if cancels {
+        for (i, (value, &other)) in rows.zip(values.iter_mut().zip(norms)) {
+            if *value > -scale * CLOSE * (other + norm) {
+                *value = -scale * squared_distance(x.point(i), y.point(j));
+            }
+        }
+    }
 }
 
 /// `|x - y|^2` from the differences.
@@ -169,6 +183,7 @@ pub(super) fn squared_distance(x: &[f32], y: &[f32]) -> f32 {
 }
 
 /// The sum, by eight running sums so that the additions do not wait for each other; always in the same order.
+#[inline(always)]
 fn lane_sum(values: &[f32]) -> f64 {
     let (chunks, rest) = values.as_chunks::<8>();
     let mut lanes = [0.0; 8];
