@@ -5,6 +5,7 @@
 
 mod kernel;
 pub mod mmd;
+mod pairs;
 mod parquet;
 mod verify;
 
