@@ -149,8 +149,8 @@ fn send_messages_to_the_log() {
     fn log(message: &MjLogMessage) {
         match message.level() {
             MjtLogLevel::mjLOG_ERROR => tracing::error!(target: "mujoco", "{}", message.subject()),
-            MjtLogLevel::mjLOG_WARNING => tracing::warn!(target: "mujoco", "{}", message.subject()),
-            _ => tracing::info!(target: "mujoco", "{}", message.subject()),
+            // Deprecated attributes of the models, and divergence, which `advance` returns as an error.
+            _ => tracing::debug!(target: "mujoco", "{}", message.subject()),
         }
     }
     #[expect(unsafe_code, reason = "MuJoCo's handler is a global, and the wrapper leaves the guarding of it to us")]
