@@ -8,4 +8,4 @@
 mod elementary;
 pub mod product;
 
-pub use elementary::{exp, tanh};
+pub use elementary::{exp, tanh, tanh_biased};
