@@ -9,6 +9,7 @@ pub mod gae;
 pub mod mcpo;
 pub mod mimicry;
 pub mod ppo;
+mod stopwatch;
 pub mod trust_region;
 
 use serde::{Deserialize, Serialize};
@@ -116,6 +117,16 @@ pub struct Update {
     /// Seconds in each named part of the update, for `mcpo-run bench`.
     #[serde(default)]
     pub seconds: Vec<(String, f64)>,
+}
+
+/// The bytes of a saved state.
+fn to_bytes<T: Serialize>(state: &T) -> Vec<u8> {
+    postcard::to_stdvec(state).expect("a state of numbers and vectors always serialises")
+}
+
+/// The state of `algorithm` saved in `bytes`.
+fn from_bytes<'a, T: Deserialize<'a>>(algorithm: &'static str, bytes: &'a [u8]) -> Result<T, AlgoError> {
+    postcard::from_bytes(bytes).map_err(|source| AlgoError::State { algorithm, source })
 }
 
 /// `value`, or the error that training diverged when it is not finite.

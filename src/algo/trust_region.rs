@@ -1,1 +1,72 @@
-//! TODO
+//! The surrogate objective on one batch: its gradient at the old policy, and what a trial policy makes of it.
+//!
+//! Owns what the second-order methods share. Knows nothing of constraints other than the KL. Start at [`Surrogate`].
+
+use nalgebra::DMatrix;
+
+use super::Batch;
+use crate::nn::{GaussianPolicy, Pass};
+
+/// `L(theta) = mean over the batch of (pi_theta(a|s) / pi_old(a|s)) A(s, a)`, with what the old policy made of the batch.
+pub struct Surrogate<'a> {
+    batch: &'a Batch,
+    advantages: &'a [f64],
+    old_means: DMatrix<f32>,
+    old_log_std: Vec<f32>,
+    old_densities: Vec<f64>,
+}
+
+/// What a trial policy makes of the batch.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Trial {
+    /// `L(theta) - L(theta_old)`.
+    pub gain: f64,
+    /// Mean `KL(old || trial)` over the batch's states, nats.
+    pub kl: f64,
+    /// Probability ratios `[n]`.
+    pub ratios: Vec<f64>,
+}
+
+impl<'a> Surrogate<'a> {
+    /// The surrogate of `advantages` (`[n]`) on `batch`, which `policy` collected. Leaves `policy`'s forward pass in `pass`.
+    pub fn new(policy: &GaussianPolicy, batch: &'a Batch, advantages: &'a [f64], pass: &mut Pass) -> Self {
+        policy.forward(&batch.observations, pass);
+        let mut old_densities = vec![0.0; batch.len()];
+        policy.log_densities(pass.output(), &batch.actions, &mut old_densities);
+        Self {
+            batch,
+            advantages,
+            old_means: pass.output().into_owned(),
+            old_log_std: policy.log_std().to_vec(),
+            old_densities,
+        }
+    }
+
+    /// The gradient of L at the old policy `[dim]`; `pass` is as [`new`](Surrogate::new) left it.
+    pub fn gradient(&self, policy: &GaussianPolicy, pass: &mut Pass) -> Vec<f32> {
+        self.score(policy, pass, self.advantages)
+    }
+
+    /// The mean over the batch of `weights` times the score function, at the old policy `[dim]`.
+    pub fn score(&self, policy: &GaussianPolicy, pass: &mut Pass, weights: &[f64]) -> Vec<f32> {
+        let n = weights.len() as f64;
+        let shares: Vec<f64> = weights.iter().map(|weight| weight / n).collect();
+        let mut gradient = vec![0.0; policy.dim()];
+        policy.score(&self.batch.observations, pass, &self.batch.actions, &shares, &mut gradient);
+        gradient
+    }
+
+    /// Measures `trial` on the batch; `pass` is used up.
+    pub fn measure(&self, trial: &GaussianPolicy, pass: &mut Pass) -> Trial {
+        trial.forward(&self.batch.observations, pass);
+        let mut ratios = vec![0.0; self.batch.len()];
+        trial.log_densities(pass.output(), &self.batch.actions, &mut ratios);
+        let mut gain = 0.0;
+        for ((ratio, old), advantage) in ratios.iter_mut().zip(&self.old_densities).zip(self.advantages) {
+            *ratio = (*ratio - old).exp();
+            gain += (*ratio - 1.0) * advantage;
+        }
+        let kl = trial.kl_from(self.old_means.as_view(), &self.old_log_std, pass.output());
+        Trial { gain: gain / self.batch.len() as f64, kl, ratios }
+    }
+}

@@ -5,10 +5,14 @@
 
 mod kernel;
 pub mod mmd;
+mod pairs;
 mod parquet;
 mod verify;
 
-use std::path::PathBuf;
+use std::{
+    ops::Range,
+    path::{Path, PathBuf},
+};
 
 use nalgebra::DMatrix;
 
@@ -16,7 +20,7 @@ pub use kernel::{Bandwidth, Kernel};
 pub use mmd::Estimator;
 pub use verify::{Deviation, verify};
 
-use crate::env::{EnvId, Pose};
+use crate::env::{EnvError, EnvId, Pose};
 
 /// Episodes of somebody else's behaviour, step after step.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,6 +43,110 @@ pub struct Demonstration {
     pub provenance: Vec<(String, String)>,
 }
 
+impl Demonstration {
+    /// How many steps there are.
+    pub fn len(&self) -> usize {
+        self.observations.ncols()
+    }
+
+    /// Whether there is no step; no demonstration that was read is empty.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The steps of each episode, in order.
+    pub fn episodes(&self) -> impl Iterator<Item = Range<usize>> {
+        let ends = self.episode_starts.iter().skip(1).copied().chain([self.len()]);
+        self.episode_starts.iter().copied().zip(ends).map(|(start, end)| start..end)
+    }
+
+    /// The sum of the dense rewards of each episode; absent where the rewards are.
+    pub fn returns(&self) -> Option<Vec<f64>> {
+        let rewards = self.rewards.as_ref()?;
+        Some(self.episodes().map(|steps| rewards[steps].iter().sum()).collect())
+    }
+
+    /// Checks that observations, actions and poses have the lengths that `env` needs.
+    ///
+    /// Errors: they do not (the message names `path`), or the physics engine refuses its model.
+    pub fn check(&self, path: &Path, env: EnvId) -> Result<(), DemoError> {
+        let environment = env.build().map_err(|source| DemoError::Environment { path: path.to_owned(), source })?;
+        let (spaces, pose) = (environment.spaces(), environment.pose());
+        let first_pose = self.poses.as_ref().and_then(|poses| poses.first());
+        for (what, got, expected) in [
+            ("an observation", Some(self.observations.nrows()), spaces.observation_dim),
+            ("an action", Some(self.actions.nrows()), spaces.action_dim),
+            ("qpos", first_pose.map(|pose| pose.qpos.len()), pose.qpos.len()),
+            ("qvel", first_pose.map(|pose| pose.qvel.len()), pose.qvel.len()),
+        ] {
+            if let Some(got) = got.filter(|&got| got != expected) {
+                let reason = format!("{what} has {got} numbers; {expected} are needed");
+                return Err(DemoError::Misfit { path: path.to_owned(), env, reason });
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads the Parquet file `path`, as [`read`](Demonstration::read), and checks that it fits `env`.
+    pub fn read_for(path: &Path, env: EnvId) -> Result<Self, DemoError> {
+        let demonstration = Self::read(path)?;
+        demonstration.check(path, env)?;
+        Ok(demonstration)
+    }
+
+    /// What makes this no demonstration, if anything does.
+    fn flaw(&self) -> Option<String> {
+        let n = self.len();
+        if n == 0 {
+            return Some("it has no steps".into());
+        }
+        let lengths = [
+            ("actions", Some(self.actions.ncols())),
+            ("rewards", self.rewards.as_ref().map(Vec::len)),
+            ("terminated", Some(self.terminated.len())),
+            ("truncated", Some(self.truncated.len())),
+            ("poses", self.poses.as_ref().map(Vec::len)),
+        ];
+        if let Some((what, Some(length))) = lengths.into_iter().find(|(_, length)| length.is_some_and(|l| l != n)) {
+            return Some(format!("{what} has {length} entries for {n} observations"));
+        }
+        if self.observations.nrows() == 0 || self.actions.nrows() == 0 {
+            return Some("an observation or an action has no numbers".into());
+        }
+        if self.episode_starts.first() != Some(&0) || !self.episode_starts.iter().is_sorted_by(|a, b| a < b) {
+            return Some("its episodes do not start at step 0 and then one after another".into());
+        }
+        if self.episode_starts.last().is_some_and(|&start| start >= n) {
+            return Some("an episode starts after the last step".into());
+        }
+        for steps in self.episodes() {
+            let before_last = steps.start..steps.end - 1;
+            if let Some(step) = before_last.into_iter().find(|&step| self.terminated[step] || self.truncated[step]) {
+                return Some(format!("row {step} ends its episode, but row {} goes on with it", step + 1));
+            }
+        }
+        let poses = self.poses.iter().flatten();
+        if let Some(first) = self.poses.as_ref().and_then(|poses| poses.first())
+            && poses.clone().any(|pose| pose.qpos.len() != first.qpos.len() || pose.qvel.len() != first.qvel.len())
+        {
+            return Some("its poses differ in length".into());
+        }
+        let numbers = [
+            ("observation", self.observations.as_slice()),
+            ("action", self.actions.as_slice()),
+            ("reward", self.rewards.as_deref().unwrap_or_default()),
+        ];
+        let infinite = numbers.into_iter().find(|(_, numbers)| numbers.iter().any(|x| !x.is_finite()));
+        if let Some((what, _)) = infinite {
+            return Some(format!("its {what} column holds a number that is not finite"));
+        }
+        if poses.clone().any(|pose| pose.qpos.iter().chain(&pose.qvel).any(|x| !x.is_finite())) {
+            return Some("its qpos or qvel column holds a number that is not finite".into());
+        }
+        None
+    }
+}
+
 /// What can go wrong with a demonstration; the message names the file.
 #[derive(Debug, thiserror::Error)]
 pub enum DemoError {
@@ -48,6 +156,14 @@ pub enum DemoError {
         /// The file.
         path: PathBuf,
         /// What the reader said.
+        reason: String,
+    },
+    /// The file cannot be written.
+    #[error("cannot write the demonstration {}: {reason}", path.display())]
+    Unwritable {
+        /// The file.
+        path: PathBuf,
+        /// What the writer said.
         reason: String,
     },
     /// The file is readable but not a demonstration of this environment.
@@ -60,4 +176,15 @@ pub enum DemoError {
         /// What does not fit.
         reason: String,
     },
+    /// The environment failed while it was replayed.
+    #[error("cannot replay the demonstration {}", path.display())]
+    Environment {
+        /// The file.
+        path: PathBuf,
+        /// What the environment said.
+        source: EnvError,
+    },
 }
+
+#[cfg(test)]
+mod tests;

@@ -4,7 +4,12 @@ use std::{fmt, str::FromStr};
 
 use serde::{Deserialize, Serialize};
 
-use super::{EnvError, Environment, Reward};
+use super::{
+    EnvError, Environment, Reward, SparseMode,
+    mountain_car::MountainCar,
+    mujoco::{self, MujocoEnvironment},
+};
+use crate::quantity::constant;
 
 /// One of the seven tasks; written as its Gym v2 id.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -61,14 +66,46 @@ impl EnvId {
 
     /// The paper's sparse reward of this environment, with the thresholds that this project chose.
     pub fn sparse_reward(self) -> Reward {
-        todo!()
+        let sparse2 = |distance| Reward::Sparse2 { distance: constant(distance), mode: SparseMode::Beyond };
+        let sparse3 = |height| Reward::Sparse3 { height: constant(height) };
+        match self {
+            Self::MountainCar => Reward::Sparse1,
+            Self::InvertedPendulum => sparse3(0.59),
+            Self::InvertedDoublePendulum => sparse3(0.89),
+            Self::HalfCheetah => sparse2(15.0),
+            Self::Hopper | Self::Walker2d | Self::Ant => sparse2(1.0),
+        }
     }
 
     /// The physics.
     ///
     /// Errors: the engine refuses the model.
     pub fn build(self) -> Result<Box<dyn Environment>, EnvError> {
-        todo!()
+        let definition = match self {
+            Self::MountainCar => return Ok(Box::new(MountainCar::default())),
+            Self::InvertedPendulum => &mujoco::INVERTED_PENDULUM,
+            Self::InvertedDoublePendulum => &mujoco::INVERTED_DOUBLE_PENDULUM,
+            Self::HalfCheetah => &mujoco::HALF_CHEETAH,
+            Self::Hopper => &mujoco::HOPPER,
+            Self::Walker2d => &mujoco::WALKER2D,
+            Self::Ant => &mujoco::ANT,
+        };
+        Ok(Box::new(MujocoEnvironment::new(definition)?))
+    }
+
+    /// The paper's name where it is not Gym's.
+    const fn paper_name(self) -> Option<&'static str> {
+        match self {
+            Self::MountainCar => Some("MountainCar-v0"),
+            Self::InvertedPendulum => Some("Pendulum-v2"),
+            Self::InvertedDoublePendulum => Some("DoublePendulum-v2"),
+            _ => None,
+        }
+    }
+
+    /// The number that marks a saved state as this environment's.
+    pub(super) const fn tag(self) -> f64 {
+        self as u8 as f64
     }
 }
 
@@ -82,8 +119,17 @@ impl FromStr for EnvId {
     type Err = EnvError;
 
     fn from_str(name: &str) -> Result<Self, EnvError> {
-        let _ = name;
-        todo!()
+        let known = || {
+            Self::ALL
+                .iter()
+                .flat_map(|&id| std::iter::once(id.name()).chain(id.paper_name()).map(move |name| (name, id)))
+        };
+        if let Some((_, id)) = known().find(|(known, _)| *known == name) {
+            return Ok(id);
+        }
+        let unlike = |known: &str| strsim::damerau_levenshtein(&name.to_lowercase(), &known.to_lowercase());
+        let nearest = known().map(|(known, _)| known).min_by_key(|known| unlike(known)).unwrap_or_default();
+        Err(EnvError::UnknownEnvironment { name: name.to_owned(), nearest: nearest.to_owned() })
     }
 }
 

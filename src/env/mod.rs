@@ -76,12 +76,28 @@ pub enum EnvError {
         /// The length that fits.
         expected: usize,
     },
-    /// An action holds NaN or an infinity.
-    #[error("{env}: the action {action:?} is not finite")]
-    NonFiniteAction {
+    /// An action or pose holds NaN or an infinity.
+    #[error("{env}: {what} {numbers:?} is not finite")]
+    NonFinite {
         /// The environment.
         env: EnvId,
+        /// What was given.
+        what: &'static str,
         /// As it was given.
+        numbers: Vec<f64>,
+    },
+    /// The saved state is of another environment.
+    #[error("{env}: the saved state is of another environment")]
+    ForeignState {
+        /// The environment.
+        env: EnvId,
+    },
+    /// The physics left the range in which it means anything.
+    #[error("{env}: the simulation diverged under the action {action:?}")]
+    Diverged {
+        /// The environment.
+        env: EnvId,
+        /// The last action.
         action: Vec<f64>,
     },
     /// The reward does not exist for this environment.
@@ -94,7 +110,7 @@ pub enum EnvError {
         /// The sparse reward that it has.
         has: &'static str,
     },
-    /// The physics engine refused its own model or state.
+    /// The physics engine refused its model or state.
     #[error("{env}: MuJoCo: {message}")]
     Engine {
         /// The environment.
@@ -114,7 +130,7 @@ pub trait Environment: Send {
 
     /// Takes one step under `action` (`[action_dim]`, unclamped) and writes the observation after it.
     ///
-    /// Errors: the action has a wrong length or is not finite.
+    /// Errors: the action has a wrong length or is not finite, or the physics diverged; then start another episode.
     fn step(&mut self, action: &[f64], observation: &mut [f64]) -> Result<Outcome, EnvError>;
 
     /// The number that the sparse reward watches: distance travelled since the episode's start, height of the last
@@ -126,7 +142,7 @@ pub trait Environment: Send {
 
     /// Puts the environment into `pose` as the start of an episode, and writes its observation.
     ///
-    /// Errors: the pose has a wrong length.
+    /// Errors: the pose has a wrong length or is not finite.
     fn set_pose(&mut self, pose: &Pose, observation: &mut [f64]) -> Result<(), EnvError>;
 
     /// Everything the next step depends on, for a checkpoint.
@@ -136,4 +152,30 @@ pub trait Environment: Send {
     ///
     /// Errors: the state is of another environment.
     fn restore(&mut self, state: &[f64]) -> Result<(), EnvError>;
+}
+
+/// Errors: `got` numbers are not the `expected` ones.
+fn check_length(env: EnvId, what: &'static str, got: usize, expected: usize) -> Result<(), EnvError> {
+    if got == expected { Ok(()) } else { Err(EnvError::WrongLength { env, what, got, expected }) }
+}
+
+/// Errors: NaN or an infinity is among `numbers`.
+fn check_finite(env: EnvId, what: &'static str, numbers: &[f64]) -> Result<(), EnvError> {
+    if numbers.iter().all(|x| x.is_finite()) {
+        Ok(())
+    } else {
+        Err(EnvError::NonFinite { env, what, numbers: numbers.to_vec() })
+    }
+}
+
+/// The saved `state` without the tag in front, when it has `env`'s tag and `len` numbers after it. Two environments'
+/// states can have the same length, HalfCheetah's and Walker2d's do, hence the tag.
+fn untag(env: EnvId, state: &[f64], len: usize) -> Result<&[f64], EnvError> {
+    match state {
+        [tag, rest @ ..] if *tag == env.tag() => {
+            check_length(env, "the saved state", rest.len(), len)?;
+            Ok(rest)
+        }
+        _ => Err(EnvError::ForeignState { env }),
+    }
 }

@@ -1,5 +1,88 @@
-//! MountainCarContinuous-v0.
+//! MountainCarContinuous-v0: a car too weak for its hill.
+//!
+//! Gym 0.15's, in f64; Gymnasium computes the same in f32.
+
+use rand::RngExt;
+
+use super::{EnvError, EnvId, Environment, Outcome, Pose, Spaces, check_finite, check_length, untag};
+use crate::rng::Rng;
+
+const ENV: EnvId = EnvId::MountainCar;
+const POSITIONS: [f64; 2] = [-1.2, 0.6];
+const MAX_SPEED: f64 = 0.07;
+const GOAL: f64 = 0.45;
+const POWER: f64 = 0.0015;
+const GRAVITY: f64 = 0.0025;
+const MAX_FORCE: f64 = 1.0;
 
 /// The car.
-#[derive(Debug)]
-pub struct MountainCar;
+#[derive(Debug, Default)]
+pub(super) struct MountainCar {
+    position: f64,
+    velocity: f64,
+}
+
+impl MountainCar {
+    fn at_goal(&self) -> bool {
+        self.position >= GOAL && self.velocity >= 0.0
+    }
+
+    fn observe(&self, observation: &mut [f64]) {
+        observation.copy_from_slice(&[self.position, self.velocity]);
+    }
+}
+
+impl Environment for MountainCar {
+    fn spaces(&self) -> Spaces {
+        Spaces { observation_dim: 2, action_dim: 1, action_bound: MAX_FORCE }
+    }
+
+    fn reset(&mut self, rng: &mut Rng, observation: &mut [f64]) {
+        *self = Self { position: rng.random_range(-0.6..-0.4), velocity: 0.0 };
+        self.observe(observation);
+    }
+
+    fn step(&mut self, action: &[f64], observation: &mut [f64]) -> Result<Outcome, EnvError> {
+        check_length(ENV, "the action", action.len(), 1)?;
+        check_finite(ENV, "the action", action)?;
+        let force = action[0].clamp(-MAX_FORCE, MAX_FORCE);
+        let [left, right] = POSITIONS;
+        self.velocity += force * POWER - GRAVITY * (3.0 * self.position).cos();
+        self.velocity = self.velocity.clamp(-MAX_SPEED, MAX_SPEED);
+        self.position = (self.position + self.velocity).clamp(left, right);
+        if self.position == left {
+            self.velocity = self.velocity.max(0.0);
+        }
+        self.observe(observation);
+        let goal = if self.at_goal() { 100.0 } else { 0.0 };
+        Ok(Outcome { reward: goal - 0.1 * action[0].powi(2), terminated: self.at_goal() })
+    }
+
+    fn landmark(&self) -> f64 {
+        f64::from(u8::from(self.at_goal()))
+    }
+
+    fn pose(&self) -> Pose {
+        Pose { qpos: vec![self.position], qvel: vec![self.velocity] }
+    }
+
+    fn set_pose(&mut self, pose: &Pose, observation: &mut [f64]) -> Result<(), EnvError> {
+        check_length(ENV, "qpos", pose.qpos.len(), 1)?;
+        check_length(ENV, "qvel", pose.qvel.len(), 1)?;
+        check_finite(ENV, "qpos", &pose.qpos)?;
+        check_finite(ENV, "qvel", &pose.qvel)?;
+        *self = Self { position: pose.qpos[0], velocity: pose.qvel[0] };
+        self.observe(observation);
+        Ok(())
+    }
+
+    fn save(&self) -> Vec<f64> {
+        vec![ENV.tag(), self.position, self.velocity]
+    }
+
+    fn restore(&mut self, state: &[f64]) -> Result<(), EnvError> {
+        let state = untag(ENV, state, 2)?;
+        *self = Self { position: state[0], velocity: state[1] };
+        Ok(())
+    }
+}

@@ -1,7 +1,10 @@
 //! The rewards that can be trained on.
 
+use std::mem;
+
 use serde::{Deserialize, Serialize};
 
+use super::{EnvError, EnvId};
 use crate::quantity::Positive;
 
 /// The reward that is trained on. Externally tagged: `"dense"`, `"sparse1"`, `{ sparse2 = { distance = 15.0 } }`.
@@ -36,4 +39,26 @@ pub enum SparseMode {
     Beyond,
     /// Once for each whole distance covered.
     Milestone,
+}
+
+impl Reward {
+    /// Errors: `env` does not have this reward.
+    pub(super) fn check(self, env: EnvId) -> Result<(), EnvError> {
+        let has = env.sparse_reward();
+        if self == Self::Dense || mem::discriminant(&self) == mem::discriminant(&has) {
+            Ok(())
+        } else {
+            Err(EnvError::NoSuchReward { env, reward: self.name(), has: has.name() })
+        }
+    }
+
+    /// The name, as it is written in a matrix.
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Dense => "dense",
+            Self::Sparse1 => "sparse1",
+            Self::Sparse2 { .. } => "sparse2",
+            Self::Sparse3 { .. } => "sparse3",
+        }
+    }
 }

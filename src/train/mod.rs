@@ -3,6 +3,11 @@
 //! Owns the loops, the rollout and the evaluation, and the one `match` from specifications to objects. Knows nothing of
 //! files or processes: what happens is told to a [`RunSink`]. Start at [`run`].
 
+pub mod build;
+pub mod evaluate;
+mod on_policy;
+pub mod rollout;
+
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -29,6 +34,8 @@ pub struct Iteration {
     pub episode_length: Option<f64>,
     /// What the update did.
     pub update: Update,
+    /// Seconds in the environments' physics, part of the rollout's.
+    pub physics_seconds: f64,
     /// Seconds of the rollout.
     pub rollout_seconds: f64,
     /// Seconds of the update.
@@ -87,6 +94,9 @@ pub enum TrainError {
     /// The demonstration.
     #[error(transparent)]
     Demo(#[from] DemoError),
+    /// An algorithm that needs a demonstration was given none.
+    #[error("this algorithm needs a demonstration; name its file with `environments.<env>.demonstrations`")]
+    NoDemonstration,
     /// The update.
     #[error("iteration {iteration}: {source}")]
     Algo {
@@ -116,6 +126,5 @@ pub enum Ending {
 ///
 /// Errors: the demonstration or a checkpoint cannot be used, training diverged, or the sink failed.
 pub fn run(spec: &RunSpec, checkpoint: Option<&[u8]>, sink: &mut dyn RunSink) -> Result<Ending, TrainError> {
-    let _ = (spec, checkpoint, sink);
-    todo!()
+    on_policy::run(spec, checkpoint, sink)
 }

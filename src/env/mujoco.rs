@@ -1,1 +1,0 @@
-//! The six MuJoCo tasks; the only place that names `mujoco_rs`.

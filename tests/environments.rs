@@ -1,0 +1,213 @@
+//! The seven environments: laws that hold for every one of them, and what is each one's own.
+
+use mcpo_run::{
+    env::{EnvError, EnvId, EpisodeEnd, Pose, Reward, Task, Transition},
+    rng::{Rng, Seed, Stream},
+};
+use rand::RngExt;
+
+fn rng(seed: u64) -> Rng {
+    Seed(seed).stream(Stream::Environment, 0)
+}
+
+fn dense(env: EnvId) -> Task {
+    Task::new(env, Reward::Dense, env.max_steps()).expect("every environment has its dense reward")
+}
+
+fn buffer(task: &Task) -> Vec<f64> {
+    vec![0.0; task.spaces().observation_dim]
+}
+
+/// Uniform actions, some of them beyond the bounds.
+fn action(task: &Task, rng: &mut Rng) -> Vec<f64> {
+    let bound = 1.5 * task.spaces().action_bound;
+    (0..task.spaces().action_dim).map(|_| rng.random_range(-bound..bound)).collect()
+}
+
+/// Everything that `steps` random steps show, as bits; episodes that end are begun again.
+fn trace(task: &mut Task, rng: &mut Rng, steps: usize) -> Vec<u64> {
+    let mut observation = buffer(task);
+    let mut bits = Vec::new();
+    for _ in 0..steps {
+        let action = action(task, rng);
+        let Transition { reward, dense_reward, end } = task.step(&action, &mut observation).expect("a step");
+        bits.extend(observation.iter().chain([&reward, &dense_reward]).map(|x| x.to_bits()));
+        bits.push(end.map_or(0, |end| 1 + u64::from(end == EpisodeEnd::Truncated)));
+        if end.is_some() {
+            task.reset(rng, &mut observation);
+            bits.extend(observation.iter().map(|x| x.to_bits()));
+        }
+    }
+    bits
+}
+
+#[test]
+fn an_action_of_wrong_length_or_not_finite_is_refused_and_moves_nothing() {
+    for env in EnvId::ALL {
+        let mut task = dense(env);
+        let mut observation = buffer(&task);
+        task.reset(&mut rng(0), &mut observation);
+        let (before, dim) = (task.save(), task.spaces().action_dim);
+        for wrong in [vec![], vec![0.0; dim + 1]] {
+            let error = task.step(&wrong, &mut observation).expect_err("a wrong length");
+            assert!(matches!(error, EnvError::WrongLength { expected, .. } if expected == dim), "{error}");
+        }
+        for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            let mut action = vec![0.0; dim];
+            action[dim - 1] = bad;
+            let error = task.step(&action, &mut observation).expect_err("not finite");
+            assert!(matches!(error, EnvError::NonFinite { .. }), "{error}");
+        }
+        assert_eq!(task.save(), before, "{env}");
+    }
+}
+
+#[test]
+fn a_pose_of_wrong_length_or_not_finite_is_refused() {
+    for env in EnvId::ALL {
+        let mut task = dense(env);
+        let mut observation = buffer(&task);
+        task.reset(&mut rng(0), &mut observation);
+        let pose = task.pose();
+        let short = Pose { qpos: pose.qpos[1..].to_vec(), ..pose.clone() };
+        let long = Pose { qvel: [&pose.qvel[..], &[0.0]].concat(), ..pose.clone() };
+        for wrong in [short, long] {
+            let error = task.set_pose(&wrong, &mut observation).expect_err("a wrong length");
+            assert!(matches!(error, EnvError::WrongLength { .. }), "{error}");
+        }
+        let mut bad = pose.clone();
+        bad.qvel[0] = f64::NAN;
+        assert!(matches!(task.set_pose(&bad, &mut observation), Err(EnvError::NonFinite { .. })), "{env}");
+        assert_eq!(task.pose(), pose, "{env}");
+    }
+}
+
+#[test]
+fn a_state_of_another_environment_is_refused() {
+    for env in EnvId::ALL {
+        let state = dense(env).save();
+        assert!(dense(env).restore(&state[..1]).is_err(), "{env}");
+        assert!(dense(env).restore(&state[..state.len() - 1]).is_err(), "{env}");
+        for other in EnvId::ALL {
+            assert_eq!(dense(other).restore(&state).is_ok(), other == env, "{env} into {other}");
+        }
+    }
+}
+
+#[test]
+fn physics_that_diverge_are_an_error_and_a_new_episode_goes_on() {
+    for env in EnvId::ALL.into_iter().filter(|&env| env != EnvId::MountainCar) {
+        let mut task = dense(env);
+        let mut observation = buffer(&task);
+        task.reset(&mut rng(0), &mut observation);
+        let zero = vec![0.0; task.spaces().action_dim];
+        for speed in [1e9, 1e200] {
+            let mut pose = task.pose();
+            pose.qvel.iter_mut().for_each(|v| *v = speed);
+            task.set_pose(&pose, &mut observation).expect("finite");
+            let error = (0..20).find_map(|_| task.step(&zero, &mut observation).err()).expect("it diverges");
+            assert!(matches!(error, EnvError::Diverged { .. }), "{error}");
+            task.reset(&mut rng(0), &mut observation);
+            task.step(&zero, &mut observation).expect("a new episode");
+        }
+    }
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bits() {
+    for env in EnvId::ALL {
+        let run = |seed| {
+            let (mut task, mut rng) = (dense(env), rng(seed));
+            task.reset(&mut rng, &mut buffer(&task));
+            trace(&mut task, &mut rng, 200)
+        };
+        assert_eq!(run(1), run(1), "{env}");
+        assert_ne!(run(1), run(2), "{env}");
+    }
+}
+
+#[test]
+fn a_restored_task_goes_on_bit_for_bit() {
+    for env in EnvId::ALL {
+        for reward in [Reward::Dense, env.sparse_reward()] {
+            let mut task = Task::new(env, reward, 150).expect("its own reward");
+            let mut rng = rng(3);
+            task.reset(&mut rng, &mut buffer(&task));
+            trace(&mut task, &mut rng, 77);
+            let (state, at) = (task.save(), rng.clone());
+            let expected = trace(&mut task, &mut rng, 300);
+
+            task.restore(&state).expect("its own state");
+            assert_eq!(trace(&mut task, &mut at.clone(), 300), expected, "{env}: rewound");
+            let mut other = Task::new(env, reward, 150).expect("its own reward");
+            other.reset(&mut rng, &mut buffer(&task));
+            trace(&mut other, &mut rng, 20);
+            other.restore(&state).expect("its own state");
+            assert_eq!(trace(&mut other, &mut at.clone(), 300), expected, "{env}: in another");
+        }
+    }
+}
+
+#[test]
+fn an_episode_follows_from_its_first_pose() {
+    for env in EnvId::ALL {
+        let (mut task, mut rng) = (dense(env), rng(4));
+        let (mut first, mut again) = (buffer(&task), buffer(&task));
+        trace(&mut task, &mut rng, 50);
+        task.reset(&mut rng, &mut first);
+        let (pose, at) = (task.pose(), rng.clone());
+        let expected = trace(&mut task, &mut rng, 100);
+        task.set_pose(&pose, &mut again).expect("its own pose");
+        assert_eq!(first, again, "{env}");
+        assert_eq!(task.pose(), pose, "{env}");
+        assert_eq!(trace(&mut task, &mut at.clone(), 100), expected, "{env}");
+    }
+}
+
+#[test]
+fn the_time_limit_truncates_and_a_termination_wins_over_it() {
+    // Without control, MountainCar and HalfCheetah never end; a pendulum that leans beyond 0.2 ends at once.
+    for env in [EnvId::MountainCar, EnvId::HalfCheetah] {
+        let mut task = Task::new(env, Reward::Dense, 5).expect("dense");
+        let mut observation = buffer(&task);
+        let zero = vec![0.0; task.spaces().action_dim];
+        for _ in 0..2 {
+            task.reset(&mut rng(5), &mut observation);
+            let ends: Vec<_> = (0..5).map(|_| task.step(&zero, &mut observation).expect("a step").end).collect();
+            assert_eq!(ends, [None, None, None, None, Some(EpisodeEnd::Truncated)], "{env}");
+        }
+    }
+    let mut task = Task::new(EnvId::InvertedPendulum, Reward::Dense, 1).expect("dense");
+    let mut observation = buffer(&task);
+    task.set_pose(&Pose { qpos: vec![0.0, 0.3], qvel: vec![0.0, 0.0] }, &mut observation).expect("a pose");
+    let transition = task.step(&[0.0], &mut observation).expect("a step");
+    assert_eq!(transition.end, Some(EpisodeEnd::Terminated));
+    assert_eq!(transition.dense_reward, 1.0, "Gym pays for the last step too");
+}
+
+#[test]
+fn actions_beyond_the_bounds_move_as_the_bounds_do_and_cost_what_they_are() {
+    for env in EnvId::ALL {
+        let mut task = dense(env);
+        let (mut at_bound, mut beyond) = (buffer(&task), buffer(&task));
+        task.reset(&mut rng(6), &mut at_bound);
+        let state = task.save();
+        let bound = task.spaces().action_bound;
+        let dim = task.spaces().action_dim;
+        let first = task.step(&vec![bound; dim], &mut at_bound).expect("a step");
+        // 1e11 is beyond what MuJoCo itself would clamp.
+        for factor in [3.0, 1e11] {
+            task.restore(&state).expect("its own state");
+            let second = task.step(&vec![factor * bound; dim], &mut beyond).expect("a step");
+            assert_eq!(at_bound, beyond, "{env}");
+            let weight = match env {
+                EnvId::InvertedPendulum | EnvId::InvertedDoublePendulum => 0.0,
+                EnvId::MountainCar | EnvId::HalfCheetah => 0.1,
+                EnvId::Hopper | EnvId::Walker2d => 1e-3,
+                EnvId::Ant => 0.5,
+            };
+            let cost = weight * dim as f64 * (factor * factor - 1.0);
+            assert!((first.reward - second.reward - cost).abs() <= 1e-12 * cost.max(1.0), "{env}");
+        }
+    }
+}
