@@ -1,7 +1,7 @@
 //! PPO with the clipped surrogate (Schulman et al., 2017).
 //!
-//! Owns the clipped update, which every first-order method here shares. Knows nothing of where rewards come from:
-//! [`Ppo::improve`] takes them beside the batch. Start there.
+//! Owns the clipped update, which every first-order method here shares. Knows nothing of where rewards come from: others
+//! hand it a batch with theirs. Start at [`Ppo`].
 
 use nalgebra::DMatrix;
 use rand::seq::SliceRandom;
@@ -105,63 +105,6 @@ impl Ppo {
         let critic = Critic::new(&agent.value);
         Self { hyperparameters, state: State { agent, optimizer, critic }, buffers: Buffers::default() }
     }
-
-    /// One iteration on `batch`, with `rewards` (`[n]`) in the place of the batch's own.
-    ///
-    /// Errors: a loss or parameter is no longer finite.
-    pub fn improve(&mut self, batch: &Batch, rewards: &[f64], rng: &mut Rng) -> Result<Update, AlgoError> {
-        let Self { hyperparameters, state: State { agent, optimizer, critic }, buffers } = self;
-        let mut watch = Stopwatch::start();
-        let (discount, lambda) = (hyperparameters.discount.get(), hyperparameters.gae_lambda.get());
-        let estimate = gae::estimate(batch, rewards, &agent.value, discount, lambda, &mut buffers.pass);
-        watch.lap("advantages");
-
-        let mut old_densities = vec![0.0; batch.len()];
-        agent.policy.forward(&batch.observations, &mut buffers.pass);
-        let old_means = buffers.pass.output().into_owned();
-        let old_log_std = agent.policy.log_std().to_vec();
-        agent.policy.log_densities(old_means.as_view(), &batch.actions, &mut old_densities);
-
-        let mut order: Vec<usize> = (0..batch.len()).collect();
-        let mut clipped = 0;
-        let mut steps = 0;
-        for _ in 0..hyperparameters.epochs.get() {
-            order.shuffle(rng);
-            clipped = 0;
-            for chosen in order.chunks(hyperparameters.minibatch.size()) {
-                clipped += step(
-                    hyperparameters,
-                    agent,
-                    optimizer,
-                    batch,
-                    &estimate.advantages,
-                    &old_densities,
-                    chosen,
-                    buffers,
-                );
-                steps += 1;
-            }
-        }
-        finite("the policy's parameters", dot(&buffers.gradient, &agent.policy.parameters()))?;
-        watch.lap("policy");
-
-        let value_loss =
-            critic.fit(&mut agent.value, &batch.observations, &estimate.returns, hyperparameters.critic_fit(), rng)?;
-        watch.lap("value");
-
-        agent.policy.forward(&batch.observations, &mut buffers.pass);
-        let kl = agent.policy.kl_from(old_means.as_view(), &old_log_std, buffers.pass.output());
-        watch.lap("diagnostics");
-        tracing::debug!(steps, kl, value_loss, "ppo");
-        Ok(Update {
-            kl: Some(finite("the KL", kl)?),
-            entropy: Some(agent.policy.entropy()),
-            value_loss: Some(value_loss),
-            clip_fraction: Some(clipped as f64 / batch.len() as f64),
-            seconds: watch.laps(),
-            ..Update::default()
-        })
-    }
 }
 
 /// One step of Adam up the clipped surrogate of the samples `chosen`; gives how many of their ratios were clipped.
@@ -231,7 +174,57 @@ impl OnPolicy for Ppo {
     }
 
     fn update(&mut self, batch: &Batch, rng: &mut Rng) -> Result<Update, AlgoError> {
-        self.improve(batch, &batch.rewards, rng)
+        let Self { hyperparameters, state: State { agent, optimizer, critic }, buffers } = self;
+        let mut watch = Stopwatch::start();
+        let (discount, lambda) = (hyperparameters.discount.get(), hyperparameters.gae_lambda.get());
+        let estimate = gae::estimate(batch, &batch.rewards, &agent.value, discount, lambda, &mut buffers.pass);
+        watch.lap("advantages");
+
+        let mut old_densities = vec![0.0; batch.len()];
+        agent.policy.forward(&batch.observations, &mut buffers.pass);
+        let old_means = buffers.pass.output().into_owned();
+        let old_log_std = agent.policy.log_std().to_vec();
+        agent.policy.log_densities(old_means.as_view(), &batch.actions, &mut old_densities);
+
+        let mut order: Vec<usize> = (0..batch.len()).collect();
+        let mut clipped = 0;
+        let mut steps = 0;
+        for _ in 0..hyperparameters.epochs.get() {
+            order.shuffle(rng);
+            clipped = 0;
+            for chosen in order.chunks(hyperparameters.minibatch.size()) {
+                clipped += step(
+                    hyperparameters,
+                    agent,
+                    optimizer,
+                    batch,
+                    &estimate.advantages,
+                    &old_densities,
+                    chosen,
+                    buffers,
+                );
+                steps += 1;
+            }
+        }
+        finite("the policy's parameters", dot(&buffers.gradient, &agent.policy.parameters()))?;
+        watch.lap("policy");
+
+        let value_loss =
+            critic.fit(&mut agent.value, &batch.observations, &estimate.returns, hyperparameters.critic_fit(), rng)?;
+        watch.lap("value");
+
+        agent.policy.forward(&batch.observations, &mut buffers.pass);
+        let kl = agent.policy.kl_from(old_means.as_view(), &old_log_std, buffers.pass.output());
+        watch.lap("diagnostics");
+        tracing::debug!(steps, kl, value_loss, "ppo");
+        Ok(Update {
+            kl: Some(finite("the KL", kl)?),
+            entropy: Some(agent.policy.entropy()),
+            value_loss: Some(value_loss),
+            clip_fraction: Some(clipped as f64 / batch.len() as f64),
+            seconds: watch.laps(),
+            ..Update::default()
+        })
     }
 
     fn save(&self) -> Vec<u8> {
