@@ -87,18 +87,15 @@ impl Simulation {
         self.data.qvel_mut()
     }
 
-    /// Steps `times` under `action`, clamped to the controls' range.
+    /// Steps `times` under `action`, which MuJoCo clamps to the controls' range.
     ///
     /// Errors: the action has a wrong length or is not finite; the state diverged, upon which MuJoCo has put it back
     /// to the model's start.
     pub(super) fn advance(&mut self, action: &[f64], times: usize) -> Result<(), EnvError> {
-        check_length(self.env, "the action", action.len(), self.control_range().len())?;
+        let controls = self.data.ctrl_mut();
+        check_length(self.env, "the action", action.len(), controls.len())?;
         check_finite(self.env, "the action", action)?;
-        for (i, &a) in action.iter().enumerate() {
-            // Gym leaves the clamping to MuJoCo, which would replace every control by 0 where one is beyond 1e10.
-            let [low, high] = self.control_range()[i];
-            self.data.ctrl_mut()[i] = a.clamp(low, high);
-        }
+        controls.copy_from_slice(action);
         for _ in 0..times {
             self.data.step();
         }
