@@ -116,10 +116,12 @@ table! { progress_frame, progress_rows, Iteration;
     recovery_steps: Option<u64> = update.recovery_steps;
     discriminator_loss: Option<f64> = update.discriminator_loss;
     cloning_loss: Option<f64> = update.cloning_loss;
+    physics_seconds: f64 = physics_seconds;
     rollout_seconds: f64 = rollout_seconds;
     update_seconds: f64 = update_seconds;
     ; Iteration {
-        iteration, env_steps, episodes, dense_return, training_return, episode_length, rollout_seconds, update_seconds,
+        iteration, env_steps, episodes, dense_return, training_return, episode_length, physics_seconds,
+        rollout_seconds, update_seconds,
         update: Update {
             kl, entropy, surrogate_gain, value_loss, clip_fraction, mmd, mmd_after, d: d_k, case, lambda, nu,
             step_fraction, cg_iterations, recovery_steps, discriminator_loss, cloning_loss,
@@ -289,6 +291,7 @@ pub(crate) mod tests {
             training_return: None,
             episode_length: Some(12.5),
             update,
+            physics_seconds: 0.125,
             rollout_seconds: 0.25,
             update_seconds: 0.5,
         }
