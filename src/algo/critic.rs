@@ -106,8 +106,7 @@ mod tests {
 
     fn regression(fit: Fit) -> (f64, Mlp) {
         let observations = DMatrix::from_fn(2, 256, |row, column| ((row * 256 + column) as f32 * 1.3).sin());
-        let returns: Vec<f64> =
-            observations.column_iter().map(|x| f64::from(x[0] * x[1] + x[0].abs())).collect();
+        let returns: Vec<f64> = observations.column_iter().map(|x| f64::from(x[0] * x[1] + x[0].abs())).collect();
         let mut value = Mlp::new(&[2, 32, 1], 1.0, &mut Seed(0).stream(Stream::Network, 0));
         let mut critic = Critic::new(&value);
         let mut rng = Seed(0).stream(Stream::Update, 0);

@@ -16,7 +16,14 @@ pub struct Advantages {
 
 /// Advantages of `batch` for per-sample `rewards` (`[n]`), with `value` as baseline: a segment that was cut bootstraps from
 /// the value of the observation after it, one that terminated from nothing.
-pub fn estimate(batch: &Batch, rewards: &[f64], value: &Mlp, discount: f64, lambda: f64, pass: &mut Pass) -> Advantages {
+pub fn estimate(
+    batch: &Batch,
+    rewards: &[f64],
+    value: &Mlp,
+    discount: f64,
+    lambda: f64,
+    pass: &mut Pass,
+) -> Advantages {
     let last_values = bootstrap_values(batch, value, pass);
     value.forward(&batch.observations, pass);
     let values = pass.output();

@@ -3,6 +3,8 @@
 //! Owns what turns a batch of experience into a better policy. Never steps an environment, reads a file or prints. Start
 //! at [`mcpo`], whose update reads like the paper; [`OnPolicy`] is what the training loop sees.
 
+#[cfg(test)]
+mod bandit;
 pub mod batch;
 pub mod critic;
 pub mod gae;
@@ -42,6 +44,16 @@ pub enum AlgoError {
         what: &'static str,
         /// NaN or an infinity.
         value: f64,
+    },
+    /// The linearised problem has no solution of any case.
+    #[error("the update's linear problem is undefined (q = {q}, r = {r}, s = {s:?}): training diverged")]
+    Undefined {
+        /// `g.H^-1 g`.
+        q: f64,
+        /// `b.H^-1 g`.
+        r: f64,
+        /// `b.H^-1 b`, where it was needed.
+        s: Option<f64>,
     },
     /// A saved state does not fit.
     #[error("the saved state of {algorithm} cannot be read: {source}")]

@@ -121,26 +121,6 @@ fn what_is_no_file_or_no_parquet_is_refused() {
 }
 
 #[test]
-fn damaged_files_never_panic() {
-    let folder = TempDir::new().expect("a temporary folder");
-    let path = folder.path().join("demo.parquet");
-    example().write(&path).expect("written");
-    let whole = fs::read(&path).expect("read");
-    let mut refused = 0;
-    for length in (0..whole.len()).step_by(7) {
-        fs::write(&path, &whole[..length]).expect("written");
-        assert!(Demonstration::read(&path).is_err(), "{length} of {} bytes", whole.len());
-    }
-    for place in 0..whole.len() {
-        let mut bytes = whole.clone();
-        bytes[place] ^= [0x01, 0x80, 0xff][place % 3];
-        fs::write(&path, &bytes).expect("written");
-        refused += usize::from(Demonstration::read(&path).is_err());
-    }
-    assert!(refused > whole.len() / 4, "{refused} of {}", whole.len());
-}
-
-#[test]
 fn what_is_written_comes_back() {
     let folder = TempDir::new().expect("a temporary folder");
     let path = folder.path().join("demo.parquet");

@@ -1,25 +1,172 @@
-//! Verification: replay the actions from each episode's first state and compare.
+//! Verification: replay the actions from each episode's first pose and compare.
 
 use std::path::Path;
 
 use super::{DemoError, Demonstration};
-use crate::env::EnvId;
+use crate::env::{EnvId, EpisodeEnd, Reward, Task};
 
-/// The greatest deviations of a replay from the demonstration.
+/// The greatest deviations of a replay from the demonstration. An infinity stands for a replay that is not finite.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Deviation {
     /// Of an observation's number.
     pub observation: f64,
-    /// Of a reward.
-    pub reward: f64,
-    /// Steps whose end differs.
+    /// Of a reward; absent where the demonstration has none.
+    pub reward: Option<f64>,
+    /// Steps whose end differs. A time limit shorter than the environment's own is no difference: it is the recorder's
+    /// choice. What follows a difference in its episode is not compared.
     pub ends: usize,
 }
 
 /// Replays `demonstration` in `env`, and gives the greatest deviations.
 ///
-/// Errors: shapes do not fit `env` (the message names `path`), or no pose was recorded.
+/// Errors: shapes do not fit `env` (the message names `path`), no pose was recorded, or the physics diverges.
 pub fn verify(demonstration: &Demonstration, path: &Path, env: EnvId) -> Result<Deviation, DemoError> {
-    let _ = (demonstration, path, env);
-    todo!()
+    demonstration.check(path, env)?;
+    let Some(poses) = &demonstration.poses else {
+        let reason = "without the columns `qpos` and `qvel` there is no state to replay from".into();
+        return Err(DemoError::Misfit { path: path.to_owned(), env, reason });
+    };
+    let failed = |source| DemoError::Environment { path: path.to_owned(), source };
+    let mut task = Task::new(env, Reward::Dense, env.max_steps()).map_err(failed)?;
+    let mut observation = vec![0.0; task.spaces().observation_dim];
+    let mut greatest = Deviation { observation: 0.0, reward: demonstration.rewards.as_ref().map(|_| 0.0), ends: 0 };
+    for steps in demonstration.episodes() {
+        task.set_pose(&poses[steps.start], &mut observation).map_err(failed)?;
+        for step in steps {
+            for (replayed, recorded) in observation.iter().zip(&demonstration.observations.column(step)) {
+                raise(&mut greatest.observation, replayed - recorded);
+            }
+            let action = demonstration.actions.column(step);
+            let transition = task.step(action.as_slice(), &mut observation).map_err(failed)?;
+            if let (Some(greatest), Some(rewards)) = (&mut greatest.reward, &demonstration.rewards) {
+                raise(greatest, transition.dense_reward - rewards[step]);
+            }
+            let agrees = match transition.end {
+                Some(EpisodeEnd::Terminated) => demonstration.terminated[step],
+                Some(EpisodeEnd::Truncated) => demonstration.truncated[step] && !demonstration.terminated[step],
+                None => !demonstration.terminated[step],
+            };
+            if !agrees {
+                greatest.ends += 1;
+                break;
+            }
+        }
+    }
+    Ok(greatest)
+}
+
+/// Raises `greatest` to the magnitude of `deviation`; what is not finite is an infinity.
+fn raise(greatest: &mut f64, deviation: f64) {
+    let magnitude = if deviation.is_finite() { deviation.abs() } else { f64::INFINITY };
+    *greatest = greatest.max(magnitude);
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::DMatrix;
+    use rand::RngExt;
+
+    use super::*;
+    use crate::rng::{Seed, Stream};
+
+    /// Two episodes of random actions, at most `limit` steps each.
+    fn recorded(env: EnvId, limit: u64) -> Demonstration {
+        let mut task = Task::new(env, Reward::Dense, limit).expect("a task");
+        let mut rng = Seed(5).stream(Stream::Environment, 0);
+        let spaces = task.spaces();
+        let mut observation = vec![0.0; spaces.observation_dim];
+        let (mut observations, mut actions, mut poses) = (vec![], vec![], vec![]);
+        let (mut rewards, mut terminated, mut truncated, mut episode_starts) = (vec![], vec![], vec![], vec![]);
+        for _ in 0..2 {
+            episode_starts.push(rewards.len());
+            task.reset(&mut rng, &mut observation);
+            loop {
+                let action: Vec<f64> = (0..spaces.action_dim).map(|_| rng.random_range(-1.0..1.0)).collect();
+                poses.push(task.pose());
+                observations.extend_from_slice(&observation);
+                let transition = task.step(&action, &mut observation).expect("a step");
+                actions.extend(action);
+                rewards.push(transition.dense_reward);
+                terminated.push(transition.end == Some(EpisodeEnd::Terminated));
+                truncated.push(transition.end == Some(EpisodeEnd::Truncated));
+                if transition.end.is_some() {
+                    break;
+                }
+            }
+        }
+        let n = rewards.len();
+        Demonstration {
+            observations: DMatrix::from_vec(spaces.observation_dim, n, observations),
+            actions: DMatrix::from_vec(spaces.action_dim, n, actions),
+            rewards: Some(rewards),
+            episode_starts,
+            terminated,
+            truncated,
+            poses: Some(poses),
+            provenance: vec![],
+        }
+    }
+
+    fn deviation(demonstration: &Demonstration, env: EnvId) -> Deviation {
+        verify(demonstration, Path::new("d.parquet"), env).expect("it is replayed")
+    }
+
+    #[test]
+    fn what_does_not_fit_or_has_no_pose_is_refused() {
+        let demonstration = recorded(EnvId::Hopper, 5);
+        let path = Path::new("d.parquet");
+        let message = verify(&demonstration, path, EnvId::Walker2d).expect_err("of Hopper").to_string();
+        assert!(message.contains("d.parquet") && message.contains("an observation has 11 numbers; 17"), "{message}");
+        let mut long = demonstration.clone();
+        long.actions = DMatrix::zeros(4, long.len());
+        let message = long.check(path, EnvId::Hopper).expect_err("a long action").to_string();
+        assert!(message.contains("Hopper-v2: an action has 4 numbers; 3 are needed"), "{message}");
+        let without = Demonstration { poses: None, ..demonstration };
+        let message = verify(&without, path, EnvId::Hopper).expect_err("no pose").to_string();
+        assert!(message.contains("`qpos`"), "{message}");
+    }
+
+    #[test]
+    fn each_change_is_seen_where_it_is() {
+        let whole = recorded(EnvId::Hopper, 1000);
+        let last = whole.len() - 1;
+        assert!(whole.terminated[last], "random actions make it fall");
+        let mut changed = whole.clone();
+        changed.observations[(10, last)] += 1e-6;
+        let seen = deviation(&changed, EnvId::Hopper);
+        assert!((seen.observation - 1e-6).abs() < 1e-9 && seen.reward == Some(0.0) && seen.ends == 0, "{seen:?}");
+        let mut changed = whole.clone();
+        changed.rewards.as_mut().expect("rewards")[0] -= 0.5;
+        let seen = deviation(&changed, EnvId::Hopper);
+        assert!(seen.observation == 0.0 && seen.reward == Some(0.5) && seen.ends == 0, "{seen:?}");
+        let mut changed = whole.clone();
+        changed.terminated[last] = false;
+        assert_eq!(deviation(&changed, EnvId::Hopper).ends, 1);
+        let mut changed = whole.clone();
+        changed.actions[(0, 0)] += 0.1;
+        assert!(deviation(&changed, EnvId::Hopper).observation > 1e-3);
+        let mut changed = whole;
+        changed.episode_starts = vec![0];
+        assert!(deviation(&changed, EnvId::Hopper).ends > 0, "an episode that goes on after its end");
+    }
+
+    #[test]
+    fn a_time_limit_must_be_noted_and_may_be_shorter() {
+        let short = recorded(EnvId::HalfCheetah, 20);
+        assert_eq!(deviation(&short, EnvId::HalfCheetah).ends, 0);
+        let mut whole = recorded(EnvId::HalfCheetah, 1000);
+        *whole.truncated.last_mut().expect("steps") = false;
+        assert_eq!(deviation(&whole, EnvId::HalfCheetah).ends, 1);
+    }
+
+    #[test]
+    fn a_recording_of_every_environment_replays_to_the_bit() {
+        for env in EnvId::ALL {
+            let demonstration = recorded(env, 30);
+            let exact = Deviation { observation: 0.0, reward: Some(0.0), ends: 0 };
+            assert_eq!(deviation(&demonstration, env), exact, "{env}");
+            let without = Demonstration { rewards: None, ..demonstration };
+            assert_eq!(deviation(&without, env), Deviation { reward: None, ..exact }, "{env}");
+        }
+    }
 }

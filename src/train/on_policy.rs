@@ -82,8 +82,7 @@ impl<'a> Training<'a> {
         let spec = self.spec;
         let environments = spec.rollout.environments.size();
         let began = Instant::now();
-        let collected =
-            self.rollout.collect(self.algorithm.agent_mut(), spec.rollout.steps.size() / environments)?;
+        let collected = self.rollout.collect(self.algorithm.agent_mut(), spec.rollout.steps.size() / environments)?;
         let rollout_seconds = began.elapsed().as_secs_f64();
 
         let before = self.progress.env_steps;
@@ -131,9 +130,8 @@ impl<'a> Training<'a> {
         let index = self.progress.evaluations;
         self.progress.evaluations += 1;
         // The n-th evaluation of a run has its own initial states; the same in every run of this seed.
-        let starts = (0..count as u32)
-            .map(|episode| self.spec.seed.stream(Stream::Evaluation, index << 16 | episode))
-            .collect();
+        let starts =
+            (0..count as u32).map(|episode| self.spec.seed.stream(Stream::Evaluation, index << 16 | episode)).collect();
         let episodes = evaluate::episodes(self.algorithm.agent(), &mut self.evaluation_tasks, starts)?;
         let rows: Vec<EvaluationEpisode> = (0..)
             .zip(&episodes)
@@ -150,17 +148,13 @@ impl<'a> Training<'a> {
     }
 
     fn save(&self) -> Vec<u8> {
-        let saved = Saved {
-            progress: self.progress.clone(),
-            algorithm: self.algorithm.save(),
-            rollout: self.rollout.save(),
-        };
+        let saved =
+            Saved { progress: self.progress.clone(), algorithm: self.algorithm.save(), rollout: self.rollout.save() };
         postcard::to_stdvec(&saved).expect("numbers and vectors always serialise")
     }
 
     fn restore(&mut self, bytes: &[u8]) -> Result<(), TrainError> {
-        let saved: Saved =
-            postcard::from_bytes(bytes).map_err(|error| TrainError::Checkpoint(error.to_string()))?;
+        let saved: Saved = postcard::from_bytes(bytes).map_err(|error| TrainError::Checkpoint(error.to_string()))?;
         self.algorithm.restore(&saved.algorithm).map_err(|error| TrainError::Checkpoint(error.to_string()))?;
         self.rollout.restore(saved.rollout)?;
         self.progress = saved.progress;
