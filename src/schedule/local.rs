@@ -1,7 +1,7 @@
 //! Jobs as processes on this machine.
 
 use std::{
-    collections::{BTreeMap, VecDeque},
+    collections::{BTreeMap, BTreeSet, VecDeque},
     io::{self, BufRead, BufReader, Read, Write},
     path::PathBuf,
     process::{Child, Command, ExitStatus, Stdio},
@@ -127,6 +127,25 @@ impl Executor for LocalProcesses {
             let _ = process.child.kill(); // fails when it is dead already
         }
     }
+}
+
+/// The cores that this process may use, two threads of one core counted once.
+pub fn physical_cores() -> usize {
+    let threads = thread::available_parallelism().map_or(1, usize::from);
+    let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let field = |line: &str, name: &str| {
+        let (key, value) = line.split_once(':')?;
+        (key.trim() == name).then(|| value.trim().to_owned())
+    };
+    let cores: BTreeSet<(String, String)> = text
+        .split("\n\n")
+        .filter_map(|processor| {
+            let find = |name| processor.lines().find_map(|line| field(line, name));
+            Some((find("physical id")?, find("core id")?))
+        })
+        .collect();
+    // Where the system does not say, and where fewer threads than cores are ours, threads count.
+    if cores.is_empty() { threads } else { cores.len().min(threads) }
 }
 
 /// The last lines of a stream, read to its end.

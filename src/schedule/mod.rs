@@ -7,9 +7,11 @@
 pub mod campaign;
 pub mod cost;
 pub mod event;
+mod failure;
 pub mod local;
 pub mod preflight;
 pub mod progress;
+mod recorder;
 pub mod state;
 pub mod stop;
 pub mod worker;
@@ -33,4 +35,39 @@ pub trait Executor {
 
     /// Ends a job at once.
     fn kill(&mut self, number: usize);
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use std::path::Path;
+
+    use super::state::Planned;
+    use crate::{
+        plan::{self, RunSpec},
+        record::{Build, RunPaths, Stamp},
+        spec::{self, Overrides},
+    };
+
+    /// A small run of its own, told apart by `name` and `seed`.
+    pub(crate) fn spec(name: &str, seed: u64) -> RunSpec {
+        let text = format!(
+            "name = {name:?}\nbudget.env_steps = 1024\nnetwork.hidden = [8]\n\
+             [[matrix]]\nseed = [{seed}]\nenv = [\"InvertedPendulum-v2\"]\nalgorithm = [\"ppo\"]\n"
+        );
+        let spec = spec::parse(Path::new("test.toml"), &text, &Overrides::default()).expect("a matrix");
+        plan::plan(&spec).expect("a plan").remove(0)
+    }
+
+    /// The same with its places under `results`.
+    pub(crate) fn planned(results: &Path, name: &str, seed: u64) -> Planned {
+        let spec = spec(name, seed);
+        let stamp = Stamp {
+            spec: serde_json::to_value(&spec).expect("JSON"),
+            fingerprint: format!("{name}-{seed}"),
+            build: Build::current(serde_json::Value::Null),
+            origin: None,
+        };
+        let paths = RunPaths::new(results, &spec.experiment, &spec.id).expect("a good id");
+        Planned { spec, paths, stamp }
+    }
 }

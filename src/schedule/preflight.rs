@@ -8,8 +8,9 @@ use std::{
 
 use super::state::{Planned, RunState};
 use crate::{
+    algo,
     demo::{DemoError, Demonstration},
-    env::EnvId,
+    env::{self, EnvId},
     plan::{RunSpec, Versions},
     record::{Build, Claim, Origin, RecordError, RunPaths, Stamp, check_writable},
 };
@@ -84,15 +85,20 @@ pub fn plan(specs: Vec<RunSpec>, results: &Path) -> Result<Vec<Planned>, Problem
             }
         });
     }
-    let versions = serde_json::to_value(Versions::current()).unwrap_or_default();
-    let (build, origin) = (Build::current(versions), Origin::current());
+    let versions = Versions {
+        algorithm_revision: algo::REVISION,
+        mujoco: env::engine_version().to_owned(),
+        models: env::models_digest(),
+    };
+    let build = Build::current(serde_json::to_value(&versions).unwrap_or_default());
+    let origin = Origin::current();
     let mut planned: Vec<Planned> = Vec::new();
     let mut places: BTreeMap<PathBuf, String> = BTreeMap::new();
     for spec in specs {
         let digest = spec.demonstration.as_ref().and_then(|path| digests.get(&(path.clone(), spec.env))?.as_deref());
         let stamp = Stamp {
             spec: serde_json::to_value(&spec).unwrap_or_default(),
-            fingerprint: spec.fingerprint(digest),
+            fingerprint: spec.fingerprint(digest, &versions),
             build: build.clone(),
             origin: Some(origin.clone()),
         };

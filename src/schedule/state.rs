@@ -1,7 +1,7 @@
 //! What has become of a run so far, from what lies on the disk.
 
 use crate::{
-    plan::RunSpec,
+    plan::{self, RunSpec},
     record::{Checkpoint, Claim, Heartbeat, Manifest, Outcome, RecordError, RunPaths, Stamp},
 };
 
@@ -82,9 +82,13 @@ impl Planned {
         if manifest.stamp.fingerprint == self.stamp.fingerprint {
             return None;
         }
-        let (old, new) = (&manifest.stamp, &self.stamp);
-        let mut keys = differences(&old.spec, &new.spec);
-        keys.extend(differences(&old.build.versions, &new.build.versions));
+        let keys = match serde_json::from_value(manifest.stamp.spec.clone()) {
+            Ok(recorded) => plan::differences(&recorded, &self.spec),
+            Err(_) => vec!["the specification's format".to_owned()],
+        };
+        let (before, after) = (&manifest.stamp.build.versions, &self.stamp.build.versions);
+        let versions = (before != after).then(|| format!("versions: {before} -> {after}"));
+        let mut keys: Vec<String> = keys.into_iter().chain(versions).collect();
         if keys.is_empty() {
             keys.push("the demonstration's content".to_owned());
         }
