@@ -1,6 +1,9 @@
 //! The seven environments: laws that hold for every one of them, and what is each one's own.
 
+use std::path::Path;
+
 use mcpo_run::{
+    demo::{Demonstration, verify},
     env::{EnvError, EnvId, EpisodeEnd, Pose, Reward, Task, Transition},
     rng::{Rng, Seed, Stream},
 };
@@ -333,4 +336,27 @@ fn uniform_actions_earn_what_they_do_in_gym() {
         let tolerance = 4.0 * deviation * (1.0 / f64::from(episodes) + 1.0 / f64::from(reference_episodes)).sqrt();
         assert!((found - mean).abs() < tolerance, "{env}: {found}, not {mean} +- {tolerance}");
     }
+}
+
+#[test]
+fn gymnasiums_transitions_are_reproduced() {
+    let mut seen = [0; 3];
+    for env in EnvId::ALL {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("tests/parity/{env}.parquet"));
+        let recorded = Demonstration::read(&path).expect("a committed file");
+        let deviation = verify(&recorded, &path, env).expect("a recording of this environment");
+        // Gymnasium keeps MountainCar's state in f32, and its roundings add up over an episode.
+        let tolerance = if env == EnvId::MountainCar { 1e-5 } else { 1e-9 };
+        assert!(deviation.observation <= tolerance, "{env}: {deviation:?}");
+        assert!(deviation.reward.is_some_and(|reward| reward <= tolerance), "{env}: {deviation:?}");
+        assert_eq!(deviation.ends, 0, "{env}");
+        let bound = dense(env).spaces().action_bound;
+        seen[0] += recorded.terminated.iter().filter(|&&ended| ended).count();
+        seen[1] += recorded.truncated.iter().filter(|&&ended| ended).count();
+        seen[2] += recorded.actions.iter().filter(|a| a.abs() > bound).count();
+    }
+    assert!(
+        seen.iter().all(|&count| count > 2),
+        "the recordings have terminations, truncations, great actions: {seen:?}"
+    );
 }
