@@ -70,7 +70,7 @@ pub fn show(planned: &[Planned], explain: bool) -> anyhow::Result<ExitCode> {
 /// A table as all commands draw them.
 pub(super) fn table(header: &[&str]) -> Table {
     let mut table = Table::new();
-    table.load_preset(presets::NOTHING).set_header(header);
+    table.load_style(presets::NOTHING).set_header(header);
     table
 }
 

@@ -83,8 +83,7 @@ pub fn run(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
         let mut progress = Progress::new(Style::choose(arguments.quiet), arguments.verbose, due.len(), seconds);
         progress.say(&greeting(&planned, &due, jobs, seconds, &selected.results));
         let mut executor = LocalProcesses::new().context("cannot find this program's own file")?;
-        let summary =
-            campaign::run(&due, &selected.results, options, &costs, &mut executor, &stop, &mut progress);
+        let summary = campaign::run(&due, &selected.results, options, &costs, &mut executor, &stop, &mut progress);
         progress.say(&farewell(planned.len(), due.len(), &summary));
         summary
     };

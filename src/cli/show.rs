@@ -33,10 +33,16 @@ pub fn run(arguments: &ShowArguments) -> anyhow::Result<ExitCode> {
         _ => None,
     };
     let beside = manifest.as_ref().map(|manifest| &manifest.stamp);
-    let stamp = own.as_ref().or(beside).with_context(|| format!("{} carries no provenance, and no run.json is beside it", path.display()))?;
+    let stamp = own
+        .as_ref()
+        .or(beside)
+        .with_context(|| format!("{} carries no provenance, and no run.json is beside it", path.display()))?;
     // A policy does not name its caller; its run does.
     let of_this_run = beside.filter(|beside| beside.fingerprint == stamp.fingerprint);
-    let stamp = Stamp { origin: stamp.origin.clone().or(of_this_run.and_then(|beside| beside.origin.clone())), ..stamp.clone() };
+    let stamp = Stamp {
+        origin: stamp.origin.clone().or(of_this_run.and_then(|beside| beside.origin.clone())),
+        ..stamp.clone()
+    };
     let manifest = manifest.filter(|manifest| manifest.stamp.fingerprint == stamp.fingerprint);
     print(&render(path, &stamp, manifest.as_ref())?)?;
     Ok(ExitCode::SUCCESS)
@@ -50,11 +56,16 @@ fn render(path: &Path, stamp: &Stamp, manifest: Option<&Manifest>) -> anyhow::Re
         }
     }
     if let Some(manifest) = manifest {
-        rows.push(("outcome", match &manifest.outcome {
-            Outcome::Begun => "begun, not ended".to_owned(),
-            Outcome::Finished => format!("finished after {} steps in {:.0} s", manifest.env_steps, manifest.seconds),
-            Outcome::Failed { error, .. } => format!("failed: {error}"),
-        }));
+        rows.push((
+            "outcome",
+            match &manifest.outcome {
+                Outcome::Begun => "begun, not ended".to_owned(),
+                Outcome::Finished => {
+                    format!("finished after {} steps in {:.0} s", manifest.env_steps, manifest.seconds)
+                }
+                Outcome::Failed { error, .. } => format!("failed: {error}"),
+            },
+        ));
         for attempt in &manifest.attempts {
             let ended = attempt.ended.as_deref().unwrap_or("no end");
             let error = attempt.error.as_ref().map_or_else(String::new, |error| format!(": {error}"));

@@ -122,8 +122,8 @@ impl Campaign<'_> {
                 let Some(number) = self.queue.pop_front() else { break };
                 self.start(number);
             }
-            let waiting = !self.stopping && !(self.queue.is_empty() && self.elsewhere.is_empty());
-            if self.running.is_empty() && !waiting {
+            let nothing_waits = self.stopping || self.queue.is_empty() && self.elsewhere.is_empty();
+            if self.running.is_empty() && nothing_waits {
                 break;
             }
             match self.executor.wait(TICK) {
@@ -152,8 +152,7 @@ impl Campaign<'_> {
 
     fn start(&mut self, number: usize) {
         let run = &self.due[number];
-        let job =
-            Job { results: self.results.to_owned(), stamp: run.stamp.clone(), verbose: self.options.verbose };
+        let job = Job { results: self.results.to_owned(), stamp: run.stamp.clone(), verbose: self.options.verbose };
         match self.executor.start(number, &job) {
             Ok(()) => {
                 let now = Instant::now();

@@ -96,8 +96,12 @@ mod tests {
     #[test]
     fn the_cause_is_what_the_process_said_last() {
         let lines = |text: &str| text.lines().map(str::to_owned).collect::<Vec<_>>();
-        let panic = lines("thread 'main' panicked at src/x.rs:1:2:\nindex out of bounds\nnote: run with RUST_BACKTRACE=1");
-        assert_eq!(cause("panicked (exit code 101)", &panic), "its process panicked (exit code 101): index out of bounds");
+        let panic =
+            lines("thread 'main' panicked at src/x.rs:1:2:\nindex out of bounds\nnote: run with RUST_BACKTRACE=1");
+        assert_eq!(
+            cause("panicked (exit code 101)", &panic),
+            "its process panicked (exit code 101): index out of bounds"
+        );
         assert_eq!(cause("killed by signal 9 (SIGKILL)", &[]), "its process was killed by signal 9 (SIGKILL)");
         assert_eq!(cause("exit code 3", &lines("first\nlast\n\n")), "its process left with exit code 3: last");
     }

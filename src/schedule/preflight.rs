@@ -117,8 +117,8 @@ pub fn plan(specs: Vec<RunSpec>, results: &Path) -> Result<Vec<Planned>, Problem
 /// The digest of a demonstration's file, once it is known to fit.
 fn digest(path: &Path, env: EnvId) -> Result<String, DemoError> {
     Demonstration::read_for(path, env)?;
-    let bytes = fs::read(path)
-        .map_err(|error| DemoError::Unreadable { path: path.to_owned(), reason: error.to_string() })?;
+    let bytes =
+        fs::read(path).map_err(|error| DemoError::Unreadable { path: path.to_owned(), reason: error.to_string() })?;
     Ok(blake3::hash(&bytes).to_hex().to_string())
 }
 
@@ -178,7 +178,8 @@ fn bytes_needed(spec: &RunSpec) -> u64 {
     let parameters = inside + 120 * hidden.iter().sum::<u64>(); // Ant's 111 observations are the most
     let network = 4 * parameters; // f32
     let steps = spec.budget.env_steps.get();
-    let rows = 300 * (steps / spec.rollout.steps.get() + steps / spec.evaluation.every.get() * spec.evaluation.episodes.get());
+    let rows =
+        300 * (steps / spec.rollout.steps.get() + steps / spec.evaluation.every.get() * spec.evaluation.episodes.get());
     let kept = spec.checkpoint.keep_policy_every.map_or(0, |every| steps / every.get());
     // Two networks with two moments each, in two checkpoints while one replaces the other.
     rows.saturating_add(network.saturating_mul(2 * 3 * 2)).saturating_add(kept.saturating_mul(2 * network))

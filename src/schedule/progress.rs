@@ -237,7 +237,9 @@ mod tests {
     fn nothing_is_promised_before_anything_is_known() {
         let mut progress = Progress::new(Style::Quiet, false, 2, 20.0);
         progress.begin(0, "a", 0, 100, 10.0);
-        assert!(progress.status().contains("0 of 2 runs done, 1 running") && progress.status().contains("not yet known"));
+        assert!(
+            progress.status().contains("0 of 2 runs done, 1 running") && progress.status().contains("not yet known")
+        );
         progress.iteration(0, 50, None);
         assert!(progress.status().contains("left") && !progress.status().contains("not yet known"));
     }
