@@ -60,13 +60,7 @@ pub fn clone_behaviour(
     mut epoch: impl FnMut(u64, f64, &Agent),
 ) -> Result<(), AlgoError> {
     agent.normalizer = Normalizer::from_columns(&demonstration.observations, agent.normalizer.clip());
-    let dim = demonstration.observations.nrows();
-    let mut observations = DMatrix::zeros(dim, demonstration.observations.ncols());
-    for (raw, normalized) in
-        demonstration.observations.column_iter().zip(observations.as_mut_slice().chunks_exact_mut(dim))
-    {
-        agent.normalizer.normalize(raw.as_slice(), normalized);
-    }
+    let observations = agent.normalizer.normalize_columns(&demonstration.observations);
     let actions = demonstration.actions.map(|action| action as f32);
 
     let mut optimizer = Adam::new(agent.policy.dim());
@@ -177,8 +171,7 @@ mod tests {
         let hyperparameters = Hyperparameters::for_env(EnvId::Hopper);
         let demonstration = bandit::demonstration(10, |_| f64::NAN);
         let mut rng = Seed(0).stream(Stream::Pretraining, 0);
-        let result =
-            clone_behaviour(&hyperparameters, &demonstration, &mut bandit::agent(0.5), &mut rng, |_, _, _| {});
+        let result = clone_behaviour(&hyperparameters, &demonstration, &mut bandit::agent(0.5), &mut rng, |_, _, _| {});
         assert!(matches!(result, Err(AlgoError::Diverged { .. })));
     }
 }

@@ -12,14 +12,14 @@ use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    AlgoError, Batch,
+    Agent, AlgoError, Batch,
     critic::{self, Critic},
     finite, gae,
     trust_region::Surrogate,
 };
 use crate::{
     demo::{Bandwidth, Demonstration, Estimator, Kernel, mmd::Target},
-    nn::{GaussianPolicy, Mlp, Normalizer, Pass},
+    nn::{GaussianPolicy, Mlp, Pass},
     quantity::constant,
     rng::{Rng, Seed, Stream},
     solver::adam::Adam,
@@ -82,6 +82,17 @@ pub struct Measured {
     nearby: Nearby,
 }
 
+/// What a descent on D did.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Descent {
+    /// D at its start.
+    pub before: f64,
+    /// D at its end.
+    pub after: f64,
+    /// Steps of Adam taken.
+    pub steps: u64,
+}
+
 /// How D is known at other policies than that of the iteration.
 enum Nearby {
     /// Measured again, at the same states.
@@ -115,22 +126,21 @@ impl Mimicry {
         }
     }
 
-    /// D and b at `policy`. For `rollout`, `surrogate` is that of the iteration's batch and `pass` holds `policy`'s forward
-    /// pass on it.
+    /// D and b at `agent`'s policy. For `rollout`, `surrogate` is that of the iteration's batch and `pass` holds the policy's
+    /// forward pass on it.
     ///
     /// Errors: D or the cost's value is no longer finite.
-    #[expect(clippy::too_many_arguments, reason = "one iteration's parts, each used by one of the readings")]
     pub fn measure(
         &mut self,
-        policy: &GaussianPolicy,
-        normalizer: &Normalizer,
+        agent: &Agent,
         batch: &Batch,
         surrogate: &Surrogate<'_>,
         pass: &mut Pass,
         costs: &Costs,
         rng: &mut Rng,
     ) -> Result<Measured, AlgoError> {
-        let states = self.states(normalizer);
+        let Agent { policy, normalizer, .. } = agent;
+        let states = normalizer.normalize_columns(&self.observations);
         let target = self.target(&states);
         match self.hyperparameters.samples {
             Samples::DemoStates => {
@@ -164,33 +174,34 @@ impl Mimicry {
         }
     }
 
-    /// Eq. (13) at the demonstration's states: moves `policy` down D by at most `steps` steps of Adam, until D is at most
-    /// `enough`. Gives the steps taken and D at the end.
+    /// Eq. (13) at the demonstration's states: moves `agent`'s policy down D by at most `steps` steps of Adam, until D is
+    /// at most `enough`.
     ///
     /// Errors: D is no longer finite.
     pub fn descend(
         &mut self,
-        policy: &mut GaussianPolicy,
-        normalizer: &Normalizer,
+        agent: &mut Agent,
         enough: f64,
         steps: u64,
         learning_rate: f64,
-    ) -> Result<(u64, f64), AlgoError> {
-        let states = self.states(normalizer);
+    ) -> Result<Descent, AlgoError> {
+        let Agent { policy, normalizer, .. } = agent;
+        let states = normalizer.normalize_columns(&self.observations);
         let target = self.target(&states);
         let mut optimizer = Adam::new(policy.dim());
         let mut gradient = vec![0.0; policy.dim()];
         let mut parameters = policy.parameters();
-        for step in 0..steps {
+        let mut before = None;
+        for step in 0.. {
             let mmd = demo_states(policy, &states, &target, &mut self.pass, Some(&mut gradient));
-            if finite("D", mmd)? <= enough {
-                return Ok((step, mmd));
+            let before = *before.get_or_insert(finite("D", mmd)?);
+            if mmd <= enough || step == steps {
+                return Ok(Descent { before, after: finite("D", mmd)?, steps: step });
             }
             optimizer.step(&mut parameters, &gradient, learning_rate);
             policy.set_parameters(&parameters);
         }
-        let mmd = demo_states(policy, &states, &target, &mut self.pass, None);
-        Ok((steps, finite("D", mmd)?))
+        unreachable!("the loop ends at its last step")
     }
 
     /// Everything the next measurement depends on.
@@ -204,17 +215,6 @@ impl Mimicry {
     pub fn restore(&mut self, state: &[u8]) -> Result<(), AlgoError> {
         self.state = super::from_bytes("the mimicry constraint", state)?;
         Ok(())
-    }
-
-    /// The demonstration's states, normalised `[observation_dim x m]`.
-    fn states(&self, normalizer: &Normalizer) -> DMatrix<f32> {
-        let mut states = DMatrix::zeros(self.observations.nrows(), self.observations.ncols());
-        for (raw, normalized) in
-            self.observations.column_iter().zip(states.as_mut_slice().chunks_exact_mut(self.observations.nrows()))
-        {
-            normalizer.normalize(raw.as_slice(), normalized);
-        }
-        states
     }
 
     fn target(&mut self, states: &DMatrix<f32>) -> Target {
@@ -248,7 +248,7 @@ fn demo_states(
 }
 
 /// States above actions: the points between which the kernel measures.
-fn stack(states: &DMatrix<f32>, actions: &DMatrix<f32>) -> DMatrix<f32> {
+pub(super) fn stack(states: &DMatrix<f32>, actions: &DMatrix<f32>) -> DMatrix<f32> {
     let mut points = DMatrix::zeros(states.nrows() + actions.nrows(), states.ncols());
     points.rows_mut(0, states.nrows()).copy_from(states);
     points.rows_mut(states.nrows(), actions.nrows()).copy_from(actions);
@@ -296,9 +296,7 @@ mod tests {
         let mut pass = Pass::default();
         let surrogate = Surrogate::new(&agent.policy, &batch, &advantages, &mut pass);
         let mut rng = Seed(5).stream(Stream::Update, 0);
-        let measured = mimicry
-            .measure(&agent.policy, &agent.normalizer, &batch, &surrogate, &mut pass, &costs(0.9), &mut rng)
-            .expect("finite");
+        let measured = mimicry.measure(&agent, &batch, &surrogate, &mut pass, &costs(0.9), &mut rng).expect("finite");
         assert_eq!(mimicry.at(&measured, &agent.policy, &[]), measured.mmd);
         assert_eq!(measured.gradient.last(), Some(&0.0), "the mean action does not know log_std");
         let direction = unit(&measured.gradient);
@@ -322,11 +320,9 @@ mod tests {
         let surrogate = Surrogate::new(&agent.policy, &batch, &advantages, &mut pass);
         let means = pass.output().into_owned();
         let mut rng = Seed(6).stream(Stream::Update, 0);
-        let measured = mimicry
-            .measure(&agent.policy, &agent.normalizer, &batch, &surrogate, &mut pass, &costs(0.0), &mut rng)
-            .expect("finite");
+        let measured = mimicry.measure(&agent, &batch, &surrogate, &mut pass, &costs(0.0), &mut rng).expect("finite");
 
-        let states = mimicry.states(&agent.normalizer);
+        let states = agent.normalizer.normalize_columns(&mimicry.observations);
         let target = mimicry.target(&states);
         let direction = unit(&measured.gradient);
         let mut anew = |h: f64| {
@@ -349,9 +345,9 @@ mod tests {
         let demonstration = bandit::demonstration(40, |s| 0.8 * s + 0.5);
         let mut agent = bandit::agent(0.5);
         let mut mimicry = mimicry(Samples::DemoStates, &demonstration);
-        let (steps, mmd) = mimicry.descend(&mut agent.policy, &agent.normalizer, 1e-4, 2000, 3e-3).expect("finite");
-        assert!(steps > 10 && steps < 2000 && mmd <= 1e-4, "{steps} steps to {mmd}");
-        let again = mimicry.descend(&mut agent.policy, &agent.normalizer, 1e-4, 2000, 3e-3).expect("finite");
-        assert_eq!(again.0, 0, "a policy within the tolerance is left alone");
+        let descent = mimicry.descend(&mut agent, 1e-4, 2000, 3e-3).expect("finite");
+        assert!(descent.steps > 10 && descent.steps < 2000 && descent.after <= 1e-4, "{descent:?}");
+        let again = mimicry.descend(&mut agent, 1e-4, 2000, 3e-3).expect("finite");
+        assert_eq!(again.steps, 0, "a policy within the tolerance is left alone");
     }
 }

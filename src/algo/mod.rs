@@ -3,15 +3,24 @@
 //! Owns what turns a batch of experience into a better policy. Never steps an environment, reads a file or prints. Start
 //! at [`mcpo`], whose update reads like the paper; [`OnPolicy`] is what the training loop sees.
 
+pub mod adversarial;
 #[cfg(test)]
 mod bandit;
 pub mod batch;
+pub mod cloning;
 pub mod critic;
+pub mod discriminator;
 pub mod gae;
+pub mod gail;
 pub mod mcpo;
 pub mod mimicry;
+pub mod mmd_il;
+pub mod penalty;
+pub mod pofd;
 pub mod ppo;
+pub mod pretraining;
 mod stopwatch;
+pub mod trpo;
 pub mod trust_region;
 
 use serde::{Deserialize, Serialize};
@@ -35,6 +44,14 @@ pub struct Agent {
     pub value: Mlp,
     /// The running normaliser of observations.
     pub normalizer: Normalizer,
+}
+
+impl Agent {
+    /// Widths of the hidden layers, which all networks of a run share.
+    pub fn hidden(&self) -> &[usize] {
+        let widths = self.value.widths();
+        &widths[1..widths.len() - 1]
+    }
 }
 
 /// What can go wrong in an update.

@@ -5,7 +5,44 @@
 use nalgebra::DMatrix;
 
 use super::Batch;
-use crate::nn::{GaussianPolicy, Pass};
+use crate::{
+    nn::{GaussianPolicy, Pass},
+    solver::{
+        Step, Theta,
+        line_search::{self, Search},
+    },
+};
+
+/// The line search accepts a real KL up to this multiple of `max_kl`: the quadratic model, whose KL is `max_kl` itself, is
+/// off by some percent either way, and a strict bound would halve every other good step.
+pub const KL_MARGIN: f64 = 1.5;
+
+/// The line search wants at least this share of the gain that the linear model promised.
+pub const GAIN_SHARE: f64 = 0.1;
+
+/// Moves `policy` by the first of 1, 1/2, 1/4 ... of `step` that `judge` accepts, in at most `trials` trials, and gives the
+/// fraction with the verdict. Where all are rejected the policy is as it was, and `None` comes back. `judge` is given each
+/// trial and its fraction, and answers with a verdict or the name of the test that failed.
+pub fn search<V>(
+    policy: &mut GaussianPolicy,
+    step: &Step,
+    trials: usize,
+    mut judge: impl FnMut(&GaussianPolicy, f64) -> Result<V, &'static str>,
+) -> Option<(f64, V)> {
+    let start = Theta::new(policy.parameters());
+    let found = line_search::backtrack(&start, step, trials, |theta, fraction| {
+        policy.set_parameters(theta.as_slice());
+        judge(policy, fraction)
+    });
+    match found {
+        Search::Accepted { fraction, verdict, .. } => Some((fraction, verdict)),
+        Search::Rejected { reasons } => {
+            tracing::debug!(?reasons, "the line search rejected every trial");
+            policy.set_parameters(start.as_slice());
+            None
+        }
+    }
+}
 
 /// `L(theta) = mean over the batch of (pi_theta(a|s) / pi_old(a|s)) A(s, a)`, with what the old policy made of the batch.
 pub struct Surrogate<'a> {

@@ -99,24 +99,15 @@ impl Mlp {
         pass.check(&self.widths, inputs);
         assert_eq!(cotangent.shape(), (pass.output_dim, pass.samples), "shape of the cotangent");
         assert_eq!(gradient.len(), self.parameters.len(), "length of the gradient");
-        if pass.samples == 0 {
-            gradient.fill(0.0);
-        }
+        gradient.fill(0.0);
         for chunk in chunks(pass.samples) {
-            if chunk.start == 0 {
-                self.vjp_chunk(inputs, pass, cotangent, &chunk, gradient);
-            } else {
-                let mut partial = std::mem::take(&mut pass.partial);
-                partial.resize(gradient.len(), 0.0);
-                self.vjp_chunk(inputs, pass, cotangent, &chunk, &mut partial);
-                gradient.iter_mut().zip(&partial).for_each(|(sum, term)| *sum += term);
-                pass.partial = partial;
-            }
+            self.add_vjp(inputs, pass, cotangent, &chunk, gradient);
         }
     }
 
-    /// The gradient of one chunk's sum.
-    fn vjp_chunk(
+    /// Adds one chunk's gradient, which is summed from zero: a product over a chunk's samples, few enough for one block of
+    /// the product's inner loop, is complete before it is added (a test checks the bits).
+    fn add_vjp(
         &self,
         inputs: &DMatrix<f32>,
         pass: &mut Pass,
@@ -144,11 +135,13 @@ impl Mlp {
                 _ => columns(&pass.activations[layer - 1], fan_in, chunk),
             };
             let (by_weights, by_biases) = block.split_at_mut(fan_in * width);
-            product_nt(matrix(derivative, width), matrix(input, fan_in), 0.0, matrix_mut(by_weights, width));
-            by_biases.fill(0.0);
+            product_nt(matrix(derivative, width), matrix(input, fan_in), 1.0, matrix_mut(by_weights, width));
+            let of_chunk = &mut pass.bias_sums[..width];
+            of_chunk.fill(0.0);
             for column in derivative.chunks_exact(width) {
-                by_biases.iter_mut().zip(column).for_each(|(sum, term)| *sum += term);
+                of_chunk.iter_mut().zip(column).for_each(|(sum, term)| *sum += term);
             }
+            by_biases.iter_mut().zip(of_chunk).for_each(|(sum, term)| *sum += *term);
             if layer > 0 {
                 let weights = matrix(&weights[..fan_in * width], width);
                 let below = columns_mut(below, fan_in, &at_zero);

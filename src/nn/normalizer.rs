@@ -59,6 +59,17 @@ impl Normalizer {
         }
     }
 
+    /// The normalised `observations` (`[dim x n]`).
+    pub fn normalize_columns(&self, observations: &DMatrix<f64>) -> DMatrix<f32> {
+        let mut normalized = DMatrix::zeros(observations.nrows(), observations.ncols());
+        for (raw, column) in
+            observations.column_iter().zip(normalized.as_mut_slice().chunks_exact_mut(observations.nrows()))
+        {
+            self.normalize(raw.as_slice(), column);
+        }
+        normalized
+    }
+
     /// The mean of what was seen `[dim]`.
     pub fn mean(&self) -> &[f64] {
         &self.mean

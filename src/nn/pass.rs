@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut};
 
 /// Samples that pass together. Sums over samples run chunk by chunk in this order, each from zero, so that threads could
 /// share the chunks and give the same bits. Large enough for the products' full rate, small enough for the cache.
-pub(super) const CHUNK: usize = 1024;
+pub(super) const CHUNK: usize = 256;
 
 /// What a forward pass leaves for the derivatives: every layer's activations, and room to work in. Reused between passes,
 /// it allocates only when a batch is larger than any before.
@@ -20,8 +20,8 @@ pub struct Pass {
     pub(super) activations: Vec<Vec<f32>>,
     /// Derivatives of two neighbouring hidden layers on one chunk.
     pub(super) scratch: [Vec<f32>; 2],
-    /// One chunk's share of the gradient.
-    pub(super) partial: Vec<f32>,
+    /// One chunk's derivatives by one layer's biases.
+    pub(super) bias_sums: Vec<f32>,
 }
 
 impl Pass {
@@ -41,6 +41,7 @@ impl Pass {
         for (activation, width) in self.activations.iter_mut().zip(outputs) {
             grow(activation, width * samples);
         }
+        grow(&mut self.bias_sums, widest);
         for scratch in &mut self.scratch {
             grow(scratch, widest * samples.min(CHUNK));
         }

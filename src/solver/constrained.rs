@@ -28,7 +28,8 @@ pub struct ConstrainedStep {
     pub q: f64,
     /// `r = b.H^-1 g`; 0 without a linear constraint.
     pub r: f64,
-    /// `s = b.H^-1 b`; `None` where the solution without the linear constraint meets it, so that `s` was not needed.
+    /// `s = b.H^-1 b`; `None` where the optimum does not depend on it: without a constraint, where the solution without the
+    /// constraint meets it, and where `g` is zero and the origin feasible.
     pub s: Option<f64>,
     /// `g.x`, the linear change of the objective under the whole step, 0 or below unless a violated constraint must be
     /// met; 0 without a step.
@@ -40,7 +41,7 @@ pub struct ConstrainedStep {
 /// Minimises `g.x` subject to `b.x <= slack` and `x.Hx/2 <= radius` (Eq. 5; `g` and `b` `[dim]`, radius finite and above 0);
 /// without a linear constraint, subject to the second alone.
 ///
-/// `H^-1 b` is solved for only if the solution without the linear constraint does not meet it. Where conjugate gradient
+/// `H^-1 b` is solved for only where the optimum depends on it, see [`ConstrainedStep::s`]. Where conjugate gradient
 /// stops early, `x` is made of inexact solutions: `b.x` is exact all the same, since `r` is taken as `b.(H^-1 g)`, while
 /// `x.Hx/2` is exact where the constraint is inactive and else a few percent off (measured: within 6 % of the radius after
 /// 10 iterations at condition numbers where 10 leave a quarter of the residual). It is not scaled back: a line search that
