@@ -32,6 +32,9 @@ use crate::{
     rng::Rng,
 };
 
+/// Part of every run's fingerprint; raise it whenever an algorithm, a network or the training loop gives other numbers.
+pub const REVISION: u32 = 1;
+
 /// What learns: a policy, a value network, and the normaliser of both networks' inputs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Agent {

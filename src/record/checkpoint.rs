@@ -18,8 +18,8 @@ const VERSION: u32 = 1;
 const LIMIT: u64 = 4 << 30;
 const DIGEST: usize = 64; // hexadecimal
 
-/// A run under way.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+/// A run under way; by default one that has not begun.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Checkpoint {
     /// Training's own state, as [`crate::train::run`] gave it.
     pub state: Vec<u8>,

@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use super::{Manifest, RecordError, io_error, rename, write_atomically};
+use super::{Manifest, Outcome, RecordError, io_error, rename, write_atomically};
 
 /// The places of one run.
 ///
@@ -96,13 +96,20 @@ impl RunPaths {
         fs::create_dir_all(&self.partial).map_err(io_error("create", &self.partial))
     }
 
-    /// Puts what was written into its place, with `manifest` as its last word.
+    /// Puts what was written into its place, with `manifest` as its last word. A run that failed keeps its checkpoint, to go
+    /// on from, and no tables: whoever scans them must not meet half a run.
     ///
     /// Errors: the disk refuses; everything is still in [`partial`](Self::partial) then.
     pub fn close(&self, manifest: &Manifest) -> Result<(), RecordError> {
+        let finished = manifest.outcome == Outcome::Finished;
+        if !finished {
+            remove_if_there(&Self::progress(&self.partial))?;
+            remove_if_there(&Self::evaluations(&self.partial))?;
+        }
         manifest.write(&Self::manifest(&self.partial))?;
-        remove_if_there(&Self::heartbeat(&self.partial))?;
-        rename(&self.partial, &self.complete)
+        rename(&self.partial, &self.complete)?;
+        remove_if_there(&Self::heartbeat(&self.complete))?;
+        if finished { remove_if_there(&Self::checkpoint(&self.complete)) } else { Ok(()) }
     }
 
     /// Renames whatever there is of the run to `<id>.old-<n>`, and gives the new names. Its Parquet files get the ending

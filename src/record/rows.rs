@@ -12,6 +12,7 @@ use polars::prelude::{
 use super::{RecordError, Stamp, io_error, write_atomically};
 use crate::{
     algo::Update,
+    plan::RunSpec,
     train::{EvaluationEpisode, Iteration},
 };
 
@@ -32,6 +33,20 @@ pub struct Keys {
     pub epsilon: Option<f64>,
     /// The seed.
     pub seed: u64,
+}
+
+impl From<&RunSpec> for Keys {
+    fn from(spec: &RunSpec) -> Self {
+        Self {
+            experiment: spec.experiment.clone(),
+            run: spec.id.clone(),
+            env: spec.env.to_string(),
+            algorithm: spec.algorithm_name().to_owned(),
+            d: spec.d(),
+            epsilon: spec.epsilon(),
+            seed: spec.seed.0,
+        }
+    }
 }
 
 /// The kinds of cells that columns hold.
@@ -291,7 +306,7 @@ pub(crate) mod tests {
             training_return: None,
             episode_length: Some(12.5),
             update,
-            physics_seconds: 0.2,
+            physics_seconds: 0.125,
             rollout_seconds: 0.25,
             update_seconds: 0.5,
         }

@@ -163,3 +163,8 @@ fn send_messages_to_the_log() {
         unsafe { mujoco_rs::logging::set_log_handler(log) }
     });
 }
+
+/// The engine's version, such as `3.17.0`.
+pub fn engine_version() -> &'static str {
+    mujoco_rs::mujoco_version()
+}
