@@ -1,0 +1,351 @@
+//! Learning curves as numbers, before anything is drawn.
+//!
+//! Owns the mean and interval over seeds at each point. Knows nothing of pixels or files. Start at [`CurveData::new`].
+//!
+//! A seed's value at a point is the mean over that evaluation's episodes, or over the iterations of a bin of `progress`.
+//! Seeds are the samples of the interval, never episodes. A point exists only where every finished seed of its series
+//! has a value, so that a curve never jumps because a seed is missing; what was left out for that is counted.
+
+use std::collections::BTreeMap;
+
+use crate::{spec::Figure, stats::t_interval};
+
+use super::{
+    ReportError, axis,
+    recorded::{Recording, Run},
+    reference,
+};
+
+/// A column of `progress.parquet` is averaged in this many bins when it has more iterations.
+const BINS: usize = 240;
+
+/// The confidence of all intervals.
+pub const CONFIDENCE: f64 = 0.95;
+
+/// One figure.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CurveData {
+    /// Above the panels.
+    pub title: String,
+    /// What the y axis shows, with its unit.
+    pub y_label: String,
+    /// Whether the y axis is logarithmic; then means and intervals are of log10, and the mean is geometric.
+    pub log_y: bool,
+    /// The legend, in order; a curve's index is the same in all panels.
+    pub series: Vec<String>,
+    /// One panel an environment.
+    pub panels: Vec<Panel>,
+}
+
+/// The curves of one environment.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Panel {
+    /// The environment.
+    pub title: String,
+    /// One entry a series; `None` where the matrix has no such run.
+    pub curves: Vec<Option<Curve>>,
+    /// The demonstration's return, for figures of returns.
+    pub demo: Option<f64>,
+}
+
+/// One series in one panel.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Curve {
+    /// In ascending order of environment steps.
+    pub points: Vec<Point>,
+    /// Finished runs behind every point.
+    pub seeds: usize,
+    /// Runs that the plan has.
+    pub planned: usize,
+    /// Points left out because some finished seed has no value there.
+    pub incomplete: usize,
+    /// The paper's return at the end of training.
+    pub paper: Option<f64>,
+    /// The tolerance d_k over environment steps, for figures of the MMD.
+    pub tolerance: Vec<(f64, f64)>,
+}
+
+/// One point of a curve.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Point {
+    /// Environment steps of training.
+    pub env_steps: f64,
+    /// Mean over the seeds.
+    pub mean: f64,
+    /// 95 % Student t interval of the mean; `None` for a single seed.
+    pub band: Option<(f64, f64)>,
+}
+
+impl CurveData {
+    /// The curves of `figure` over `runs`, which are those that its `only` selects, in the plan's order.
+    ///
+    /// Errors: `figure.y` is no numeric column of any finished run.
+    pub fn new(figure: &Figure, runs: &[&Run]) -> Result<Self, ReportError> {
+        let y = match figure.y.as_str() {
+            "d" => "d_k", // the tolerance in force; the column `d` is the key, where it starts
+            y => y,
+        };
+        check_column(&figure.name, y, runs)?;
+        let mut keys: Vec<String> = figure.series.iter().filter(|key| *key != "env").cloned().collect();
+        let with_env: Vec<String> = keys.iter().cloned().chain(["env".to_owned()]).collect();
+        keys.extend(axis::hidden_axes(runs, &with_env));
+        keys.sort_by_key(|key| key != "algorithm"); // it names a curve best
+        let series = axis::group(runs, &keys);
+        let ablates = keys.iter().any(|key| key == "d" || key == "epsilon");
+        let panels = axis::group(runs, &["env".to_owned()]).into_iter().map(|panel| {
+            let env = panel.runs[0].spec.env.name();
+            let curve = |series: &axis::Group<'_>| {
+                let runs: Vec<&Run> = series.runs.iter().copied().filter(|run| run.spec.env.name() == env).collect();
+                (!runs.is_empty()).then(|| Curve::new(y, figure.log_y, &runs, ablates))
+            };
+            Panel {
+                title: env.to_owned(),
+                curves: series.iter().map(curve).collect(),
+                demo: reference::returns(env).map(|row| row.demo).filter(|_| y == "return"),
+            }
+        });
+        Ok(Self {
+            title: figure.title.clone(),
+            y_label: y_label(y),
+            log_y: figure.log_y,
+            series: axis::labels(&keys, &series),
+            panels: panels.collect(),
+        })
+    }
+}
+
+impl Curve {
+    fn new(y: &str, log: bool, runs: &[&Run], ablates: bool) -> Self {
+        let finished: Vec<&Recording> = runs.iter().filter_map(|run| run.recording()).collect();
+        let seeds: Vec<_> = finished.iter().map(|recording| seed_values(recording, y)).collect();
+        let (points, incomplete) = over_seeds(&seeds, log);
+        let paper = match y {
+            "return" => paper_value(runs[0], ablates).map(|value| value.mean),
+            _ => None,
+        };
+        let tolerance = match y {
+            "mmd" | "mmd_after" => {
+                let seeds: Vec<_> = finished.iter().map(|recording| seed_values(recording, "d_k")).collect();
+                over_seeds(&seeds, log).0.iter().map(|point| (point.env_steps, point.mean)).collect()
+            }
+            _ => Vec::new(),
+        };
+        Self { points, seeds: finished.len(), planned: runs.len(), incomplete, paper, tolerance }
+    }
+}
+
+/// The paper's value that `run` can be compared with.
+///
+/// Where `ablation` is asked for and Table 5 has the run's d and epsilon, it is Table 5's (the paper's tables disagree
+/// about the one setting that both have); else that of Tables 3 and 4, for MCPO only with Table 2's d and epsilon.
+pub fn paper_value(run: &Run, ablation: bool) -> Option<reference::PaperValue> {
+    let env = run.spec.env.name();
+    let algorithm = run.spec.algorithm_name();
+    if algorithm == "mcpo" {
+        let (d, epsilon) = (run.spec.d()?, run.spec.epsilon()?);
+        if ablation && env == reference::ABLATION_ENV {
+            return reference::ablation(d, epsilon);
+        }
+        let table2 = reference::constraint(env)?;
+        if (d, epsilon) != (table2.d, table2.epsilon) {
+            return None;
+        }
+    }
+    reference::returns(env)?.of(algorithm)
+}
+
+/// One seed's values over environment steps.
+fn seed_values(recording: &Recording, y: &str) -> Vec<(u64, f64)> {
+    if y == "return" {
+        let mut evaluations: BTreeMap<u64, Vec<f64>> = BTreeMap::new();
+        for episode in &recording.evaluations {
+            evaluations.entry(episode.env_steps).or_default().push(episode.dense_return);
+        }
+        return evaluations.into_iter().map(|(env_steps, returns)| (env_steps, mean(&returns))).collect();
+    }
+    let (Some(steps), Some(column)) = (recording.progress.get("env_steps"), recording.progress.get(y)) else {
+        return Vec::new();
+    };
+    let rows = steps.iter().zip(column).filter_map(|(&steps, &value)| Some((steps? as u64, value?)));
+    if steps.len() <= BINS {
+        return rows.collect();
+    }
+    let end = steps.iter().flatten().fold(0.0, |end: f64, &steps| end.max(steps));
+    let width = ((end / BINS as f64).ceil() as u64).max(1);
+    let mut bins: BTreeMap<u64, Vec<f64>> = BTreeMap::new();
+    for (steps, value) in rows {
+        bins.entry(steps.saturating_sub(1) / width).or_default().push(value);
+    }
+    bins.into_iter().map(|(bin, values)| (bin * width + width / 2, mean(&values))).collect()
+}
+
+/// The points at which all `seeds` have a value, and how many others there were. With `log`, statistics are of log10, and
+/// a value that is not positive is none.
+fn over_seeds(seeds: &[Vec<(u64, f64)>], log: bool) -> (Vec<Point>, usize) {
+    let mut values: BTreeMap<u64, Vec<f64>> = BTreeMap::new();
+    for &(env_steps, value) in seeds.iter().flatten() {
+        let at = values.entry(env_steps).or_default();
+        match log {
+            true if value > 0.0 => at.push(value.log10()),
+            true => {}
+            false => at.push(value),
+        }
+    }
+    let all = values.len();
+    let back = |value: f64| if log { 10_f64.powf(value) } else { value };
+    let complete = values.into_iter().filter(|(_, samples)| samples.len() == seeds.len());
+    let points: Vec<Point> = complete
+        .filter_map(|(env_steps, samples)| {
+            let interval = t_interval(&samples, CONFIDENCE)?;
+            let band = (samples.len() > 1).then(|| (back(interval.low), back(interval.high)));
+            Some(Point { env_steps: env_steps as f64, mean: back(interval.mean), band })
+        })
+        .collect();
+    let incomplete = all - points.len();
+    (points, incomplete)
+}
+
+/// An error where finished runs exist and none has the column.
+fn check_column(figure: &str, y: &str, runs: &[&Run]) -> Result<(), ReportError> {
+    let mut finished = runs.iter().filter_map(|run| run.recording()).peekable();
+    let Some(first) = finished.peek() else { return Ok(()) };
+    let known: Vec<String> = first.progress.keys().cloned().collect();
+    if y == "return" || finished.any(|recording| recording.progress.contains_key(y)) {
+        return Ok(());
+    }
+    Err(ReportError::NoColumn { figure: figure.to_owned(), column: y.to_owned(), known: known.join(", ") })
+}
+
+fn y_label(y: &str) -> String {
+    match y {
+        "return" => "return (dense reward)".to_owned(),
+        "training_return" => "return (training reward)".to_owned(),
+        "dense_return" => "return while training (dense reward)".to_owned(),
+        "mmd" | "mmd_after" => "MMD² to the demonstration".to_owned(),
+        "kl" => "KL of the update (nats)".to_owned(),
+        "entropy" => "entropy (nats)".to_owned(),
+        "d_k" => "tolerance d".to_owned(),
+        "episode_length" => "episode length (steps)".to_owned(),
+        "rollout_seconds" => "rollout (s)".to_owned(),
+        "update_seconds" => "update (s)".to_owned(),
+        other => other.replace('_', " "),
+    }
+}
+
+/// The arithmetic mean; NaN of nothing.
+pub fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::fixture;
+
+    fn figure(y: &str, log_y: bool) -> Figure {
+        Figure { name: "f".into(), title: "t".into(), y: y.into(), series: vec!["d".into()], only: None, log_y }
+    }
+
+    fn curves(figure: &Figure, runs: &[Run]) -> CurveData {
+        CurveData::new(figure, &runs.iter().collect::<Vec<_>>()).expect("curves")
+    }
+
+    fn close(left: f64, right: f64) -> bool {
+        (left - right).abs() <= 1e-9 * right.abs().max(1.0)
+    }
+
+    #[test]
+    fn an_unknown_column_is_an_error_that_names_the_known_ones() {
+        let run = fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 0).finished(&[(10, &[1.0])]).progress("mmd", &[(10, 0.5)]);
+        let error = CurveData::new(&figure("mdd", false), &[&run]).expect_err("no such column");
+        assert!(error.to_string().contains("`mdd`") && error.to_string().contains("mmd"), "{error}");
+    }
+
+    #[test]
+    fn a_point_where_a_seed_has_no_evaluation_is_left_out_and_counted() {
+        let runs = [
+            fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 0).finished(&[(10, &[1.0]), (20, &[3.0]), (30, &[9.0])]),
+            fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 1).finished(&[(10, &[2.0]), (30, &[11.0])]),
+            fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 2).failed("diverged"),
+        ];
+        let data = curves(&figure("return", false), &runs);
+        let curve = data.panels[0].curves[0].as_ref().expect("a curve");
+        assert_eq!(
+            curve.points.iter().map(|point| (point.env_steps, point.mean)).collect::<Vec<_>>(),
+            [(10.0, 1.5), (30.0, 10.0)]
+        );
+        assert_eq!((curve.seeds, curve.planned, curve.incomplete), (2, 3, 1));
+    }
+
+    #[test]
+    fn seeds_are_the_samples_and_episodes_are_averaged_first() {
+        let runs = [
+            fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 0).finished(&[(10, &[0.0, 2.0])]),
+            fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 1).finished(&[(10, &[3.0, 3.0])]),
+        ];
+        let data = curves(&figure("return", false), &runs);
+        let curve = data.panels[0].curves[0].as_ref().expect("a curve");
+        // Samples 1 and 3: mean 2, standard error 1, and t(0.975, 1) = 12.706204736.
+        let band = curve.points[0].band.expect("a band");
+        assert!(close(curve.points[0].mean, 2.0) && close(band.0, 2.0 - 12.706204736174698), "{band:?}");
+        assert!(close(band.1, 2.0 + 12.706204736174698), "{band:?}");
+        assert_eq!(curve.paper, Some(1897.69));
+        assert_eq!(data.panels[0].demo, Some(969.71));
+    }
+
+    #[test]
+    fn one_seed_has_no_band() {
+        let runs = [fixture::ppo("Hopper-v2", 0).finished(&[(10, &[4.0, 6.0])])];
+        let data = curves(&figure("return", false), &runs);
+        let curve = data.panels[0].curves[0].as_ref().expect("a curve");
+        assert_eq!(curve.points, [Point { env_steps: 10.0, mean: 5.0, band: None }]);
+    }
+
+    #[test]
+    fn on_a_log_axis_the_mean_is_geometric_and_nothing_below_zero_counts() {
+        let runs = [
+            fixture::mcpo("Hopper-v2", 1e-4, 0.0, 0).finished(&[]).progress("mmd", &[(10, 1e-2), (20, 1e-3)]),
+            fixture::mcpo("Hopper-v2", 1e-4, 0.0, 1).finished(&[]).progress("mmd", &[(10, 1e-4), (20, -1e-9)]),
+        ];
+        let data = curves(&figure("mmd", true), &runs);
+        let curve = data.panels[0].curves[0].as_ref().expect("a curve");
+        assert_eq!((curve.points.len(), curve.incomplete), (1, 1));
+        assert!(close(curve.points[0].mean, 1e-3));
+    }
+
+    #[test]
+    fn many_iterations_are_averaged_in_bins() {
+        let rows: Vec<(u64, f64)> = (1..=480).map(|row| (row * 10, row as f64)).collect();
+        let run = fixture::mcpo("Hopper-v2", 1e-4, 0.0, 0).finished(&[]).progress("kl", &rows);
+        let data = curves(&figure("kl", false), &[run]);
+        let points = &data.panels[0].curves[0].as_ref().expect("a curve").points;
+        assert_eq!(points.len(), 240);
+        // The first bin of 20 steps holds rows 1 and 2.
+        assert_eq!((points[0].env_steps, points[0].mean), (10.0, 1.5));
+        assert_eq!((points[239].env_steps, points[239].mean), (4790.0, 479.5));
+    }
+
+    #[test]
+    fn series_are_the_same_in_all_panels_and_absent_where_there_is_no_run() {
+        let runs = [
+            fixture::mcpo("Hopper-v2", 1e-4, 0.0, 0).finished(&[(10, &[1.0])]),
+            fixture::mcpo("Ant-v2", 1e-4, 0.0, 0).finished(&[(10, &[1.0])]),
+            fixture::ppo("Ant-v2", 0),
+        ];
+        let data = curves(&figure("return", false), &runs);
+        assert_eq!(data.series, ["MCPO, d = 10⁻⁴", "PPO"]);
+        assert_eq!(data.panels.iter().map(|panel| panel.title.as_str()).collect::<Vec<_>>(), ["Hopper-v2", "Ant-v2"]);
+        assert!(data.panels[0].curves[1].is_none());
+        let ppo = data.panels[1].curves[1].as_ref().expect("planned");
+        assert_eq!((ppo.seeds, ppo.planned, ppo.points.len()), (0, 1, 0));
+    }
+
+    #[test]
+    fn table_5_is_the_reference_of_an_ablation_and_table_3_of_a_comparison() {
+        let run = fixture::mcpo("HalfCheetah-v2", 1e-3, 1e-3, 0);
+        assert_eq!(paper_value(&run, true).map(|value| value.mean), Some(3286.78));
+        assert_eq!(paper_value(&run, false).map(|value| value.mean), Some(3541.23));
+        assert_eq!(paper_value(&fixture::mcpo("HalfCheetah-v2", 1e-2, 0.0, 0), true), None);
+        assert_eq!(paper_value(&fixture::mcpo("HalfCheetah-v2", 1.0, 0.0, 0), false), None);
+    }
+}

@@ -1,0 +1,188 @@
+//! How things look: colours, markers, dashes and sizes.
+
+use super::picture::{Color, Shape};
+
+/// Labels of axes and the legend, points.
+pub const SIZE: f64 = 11.0;
+/// Labels of ticks.
+pub const TICK_SIZE: f64 = 9.5;
+/// The figure's title.
+pub const TITLE_SIZE: f64 = 13.0;
+/// The notes below the legend.
+pub const NOTE_SIZE: f64 = 8.5;
+
+/// Text and frames.
+pub const BLACK: Color = [0x20, 0x20, 0x20];
+/// Notes, and lines that are no curve.
+pub const GREY: Color = [0x60, 0x60, 0x60];
+/// The lines behind the curves.
+pub const LIGHT: Color = [0xe6, 0xe6, 0xe6];
+
+/// Okabe and Ito (2008), without their yellow, which is too light for a line on white.
+const PALETTE: [Color; 7] = [
+    [0x00, 0x72, 0xb2],
+    [0xd5, 0x5e, 0x00],
+    [0x00, 0x9e, 0x73],
+    [0xcc, 0x79, 0xa7],
+    [0x00, 0x00, 0x00],
+    [0xe6, 0x9f, 0x00],
+    [0x56, 0xb4, 0xe9],
+];
+
+/// Breadth of a curve.
+pub const CURVE: f64 = 1.5;
+/// Opacity of a band.
+pub const BAND: f64 = 0.16;
+
+/// Dash and gap, in turn, of curves after the palette's first round.
+const SECOND_ROUND: [f64; 2] = [7.0, 2.5];
+const PAPER: [f64; 2] = [4.0, 2.0];
+const DEMO: [f64; 2] = [1.5, 2.5];
+const TOLERANCE: [f64; 2] = [1.5, 1.8];
+
+/// A kind of line that the legend explains.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Look {
+    /// The curve of the series with this index.
+    Series(usize),
+    /// The paper's value, in its series' colour.
+    Paper,
+    /// The demonstration's return.
+    Demo,
+    /// The tolerance of a series.
+    Tolerance,
+}
+
+impl Look {
+    /// Its line from `at` to the right, as the legend shows it.
+    pub fn key(self, at: (f64, f64), width: f64) -> Vec<Shape> {
+        let points = [at, (at.0 + width, at.1)];
+        let mut shapes = self.line(&points, GREY);
+        if let Self::Series(index) = self {
+            shapes.extend(marker(index, (at.0 + width / 2.0, at.1)));
+        }
+        shapes
+    }
+
+    /// Its line through `points`; `color` where the look has none of its own.
+    pub fn line(self, points: &[(f64, f64)], color: Color) -> Vec<Shape> {
+        let (width, color, pattern): (f64, Color, &[f64]) = match self {
+            Self::Series(index) if index < PALETTE.len() => (CURVE, self::color(index), &[]),
+            Self::Series(index) => (CURVE, self::color(index), &SECOND_ROUND),
+            Self::Paper => (1.6, color, &PAPER),
+            Self::Demo => (1.1, GREY, &DEMO),
+            Self::Tolerance => (1.1, color, &TOLERANCE),
+        };
+        dashes(points, pattern).into_iter().map(|points| Shape::Line { points, width, color }).collect()
+    }
+}
+
+/// The colour of the series with this index.
+pub fn color(index: usize) -> Color {
+    PALETTE[index % PALETTE.len()]
+}
+
+/// The marker of the series with this index, edged in white so that it stands off its curve.
+pub fn marker(index: usize, at: (f64, f64)) -> [Shape; 2] {
+    let size = 3.3;
+    let edge = size + 0.9;
+    let area = |radius: f64, color| {
+        let points = outline(index).iter().map(|(x, y)| (at.0 + x * radius, at.1 + y * radius)).collect();
+        Shape::Area { points, color, opacity: 1.0 }
+    };
+    [area(edge, [0xff; 3]), area(size, color(index))]
+}
+
+/// A shape of about the unit circle's size; seven different ones.
+fn outline(index: usize) -> Vec<(f64, f64)> {
+    let polygon = |corners: usize, first: f64| {
+        let corner = move |corner: usize| {
+            let angle = (first + 360.0 * corner as f64 / corners as f64).to_radians();
+            (angle.cos(), angle.sin())
+        };
+        (0..corners).map(corner).collect::<Vec<_>>()
+    };
+    let larger = |factor: f64, points: Vec<(f64, f64)>| -> Vec<(f64, f64)> {
+        points.into_iter().map(|(x, y)| (x * factor, y * factor)).collect()
+    };
+    match index % PALETTE.len() {
+        0 => polygon(24, 0.0),
+        1 => larger(1.2, polygon(4, 45.0)),
+        2 => larger(1.3, polygon(3, -90.0)),
+        3 => larger(1.25, polygon(4, 0.0)),
+        4 => larger(1.3, polygon(3, 90.0)),
+        5 => {
+            // A plus.
+            let (long, short) = (1.2, 0.42);
+            let corners = [(short, long), (short, short), (long, short)];
+            let quarter = |turn: usize| {
+                corners.map(|(x, y)| match turn {
+                    0 => (x, y),
+                    1 => (y, -x),
+                    2 => (-x, -y),
+                    _ => (-y, x),
+                })
+            };
+            (0..4).flat_map(quarter).collect()
+        }
+        _ => larger(1.1, polygon(6, 0.0)),
+    }
+}
+
+/// The line through `points`, cut into dashes by `pattern` (lengths of dash and gap in turn); whole for no pattern.
+fn dashes(points: &[(f64, f64)], pattern: &[f64]) -> Vec<Vec<(f64, f64)>> {
+    if pattern.is_empty() {
+        return vec![points.to_vec()];
+    }
+    let (mut dashes, mut dash) = (Vec::new(), points[..1].to_vec());
+    let (mut phase, mut left) = (0, pattern[0]);
+    for ends in points.windows(2) {
+        let (mut from, to) = (ends[0], ends[1]);
+        loop {
+            let length = (to.0 - from.0).hypot(to.1 - from.1);
+            if length < left {
+                left -= length;
+                dash.push(to);
+                break;
+            }
+            let share = left / length;
+            from = (from.0 + share * (to.0 - from.0), from.1 + share * (to.1 - from.1));
+            dash.push(from);
+            if phase % 2 == 0 {
+                dashes.push(std::mem::take(&mut dash));
+            }
+            dash = vec![from];
+            phase += 1;
+            left = pattern[phase % pattern.len()];
+        }
+    }
+    if phase % 2 == 0 && dash.len() > 1 {
+        dashes.push(dash);
+    }
+    dashes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dashes_go_around_corners_and_keep_their_lengths() {
+        let dashes = dashes(&[(0.0, 0.0), (3.0, 0.0), (3.0, 7.0)], &[4.0, 2.0]);
+        assert_eq!(dashes, [vec![(0.0, 0.0), (3.0, 0.0), (3.0, 1.0)], vec![(3.0, 3.0), (3.0, 7.0)]]);
+    }
+
+    #[test]
+    fn seven_series_differ_in_colour_and_marker() {
+        for one in 0..7 {
+            for other in 0..one {
+                assert_ne!(color(one), color(other));
+                assert_ne!(outline(one), outline(other));
+            }
+        }
+        assert_ne!(
+            Look::Series(0).line(&[(0.0, 0.0), (50.0, 0.0)], BLACK).len(),
+            Look::Series(7).line(&[(0.0, 0.0), (50.0, 0.0)], BLACK).len()
+        );
+    }
+}

@@ -1,0 +1,144 @@
+//! Made-up runs for the tests of this module.
+
+use std::{collections::BTreeMap, fs, path::Path};
+
+use crate::{
+    algo::Update,
+    plan::plan,
+    quantity::constant,
+    record::{Build, Manifest, Outcome, RunPaths, Stamp, rows},
+    spec::{self, Overrides},
+    train::{EvaluationEpisode, Iteration},
+};
+
+use super::recorded::{Evaluation, Recording, Run, State};
+
+/// A missing run of MCPO.
+pub fn mcpo(env: &str, d: f64, epsilon: f64, seed: u64) -> Run {
+    run("mcpo", &format!("env = [{env:?}]\nd = [{d:?}]\nepsilon = [{epsilon:?}]\nseed = [{seed}]"))
+}
+
+/// A missing run of PPO.
+pub fn ppo(env: &str, seed: u64) -> Run {
+    run("ppo", &format!("env = [{env:?}]\nseed = [{seed}]"))
+}
+
+/// The one run of a matrix of these axes, with small numbers.
+fn run(algorithm: &str, axes: &str) -> Run {
+    let text = format!(
+        r#"
+        name = "made-up"
+        description = ""
+        budget.env_steps = 100
+        rollout = {{ steps = 10, environments = 1 }}
+        evaluation = {{ every = 50, episodes = 2, final_episodes = 2 }}
+        algorithms.{algorithm}.minibatch = 10
+        [[matrix]]
+        algorithm = ["{algorithm}"]
+        {axes}
+        "#
+    );
+    let spec = spec::parse(Path::new("made-up.toml"), &text, &Overrides::default()).expect("a valid file");
+    let spec = plan(&spec).expect("a plan").pop().expect("one run");
+    Run { spec, state: State::Missing }
+}
+
+impl Run {
+    /// The same with another budget.
+    pub fn budget(mut self, env_steps: i64) -> Self {
+        self.spec.budget.env_steps = constant(env_steps);
+        self
+    }
+
+    /// The same, failed.
+    pub fn failed(mut self, error: &str) -> Self {
+        self.state = State::Failed { error: error.into() };
+        self
+    }
+
+    /// The same, finished with these evaluations: environment steps and the returns of the episodes.
+    pub fn finished(mut self, evaluations: &[(u64, &[f64])]) -> Self {
+        let end = evaluations.iter().map(|(env_steps, _)| *env_steps).max();
+        let episodes = evaluations.iter().flat_map(|&(env_steps, returns)| {
+            let last = Some(env_steps) == end;
+            returns.iter().map(move |&dense_return| Evaluation { env_steps, last, dense_return })
+        });
+        self.state = State::Finished(Recording { evaluations: episodes.collect(), progress: BTreeMap::new() });
+        self
+    }
+
+    /// The same with a column of progress.
+    pub fn progress(mut self, column: &str, rows: &[(u64, f64)]) -> Self {
+        if let State::Finished(recording) = &mut self.state {
+            let steps = rows.iter().map(|row| Some(row.0 as f64)).collect();
+            recording.progress.insert("env_steps".into(), steps);
+            recording.progress.insert(column.into(), rows.iter().map(|row| Some(row.1)).collect());
+        }
+        self
+    }
+}
+
+/// Writes what `run` left under the folder `results`, as the runner does.
+pub fn record(run: &Run, results: &Path) {
+    let paths = RunPaths::new(results, &run.spec.experiment, &run.spec.id).expect("a good id");
+    fs::create_dir_all(&paths.complete).expect("made");
+    let spec = serde_json::to_value(&run.spec).expect("a specification serialises");
+    let build = Build {
+        program: "0".into(),
+        executable: String::new(),
+        versions: serde_json::Value::Null,
+        cpu_class: String::new(),
+    };
+    let stamp = Stamp { spec, fingerprint: "f".into(), build, origin: None };
+    let keys = rows::Keys {
+        experiment: run.spec.experiment.clone(),
+        run: run.spec.id.clone(),
+        env: run.spec.env.name().into(),
+        algorithm: run.spec.algorithm_name().into(),
+        d: run.spec.d(),
+        epsilon: run.spec.epsilon(),
+        seed: run.spec.seed.0,
+    };
+    let mut manifest = Manifest::new(stamp.clone());
+    manifest.outcome = match &run.state {
+        State::Missing => Outcome::Begun,
+        State::Failed { error } => Outcome::Failed { error: error.clone(), log_tail: Vec::new() },
+        State::Finished(recording) => {
+            let episodes: Vec<EvaluationEpisode> = recording
+                .evaluations
+                .iter()
+                .zip(0..)
+                .map(|(evaluation, episode)| episode_row(evaluation, episode))
+                .collect();
+            rows::write_evaluations(&RunPaths::evaluations(&paths.complete), &keys, &stamp, &episodes)
+                .expect("written");
+            let iterations = iteration_rows(recording);
+            rows::write_progress(&RunPaths::progress(&paths.complete), &keys, &stamp, &iterations).expect("written");
+            Outcome::Finished
+        }
+    };
+    manifest.write(&RunPaths::manifest(&paths.complete)).expect("written");
+}
+
+fn episode_row(evaluation: &Evaluation, episode: u64) -> EvaluationEpisode {
+    let Evaluation { env_steps, last, dense_return } = *evaluation;
+    EvaluationEpisode { env_steps, last, episode, dense_return, training_return: 0.0, length: 1 }
+}
+
+fn iteration_rows(recording: &Recording) -> Vec<Iteration> {
+    let cell = |column: &str, row: usize| recording.progress.get(column).and_then(|cells| cells[row]);
+    let height = recording.progress.get("env_steps").map_or(0, Vec::len);
+    let row = |row: usize| Iteration {
+        iteration: row as u64 + 1,
+        env_steps: cell("env_steps", row).expect("every row has its steps") as u64,
+        episodes: 0,
+        dense_return: None,
+        training_return: cell("training_return", row),
+        episode_length: None,
+        update: Update { kl: cell("kl", row), mmd: cell("mmd", row), d: cell("d_k", row), ..Update::default() },
+        rollout_seconds: 0.0,
+        update_seconds: 0.0,
+        physics_seconds: 0.0,
+    };
+    (0..height).map(row).collect()
+}

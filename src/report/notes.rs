@@ -1,0 +1,122 @@
+//! What a reader must know beside the numbers: budget, seeds, readings of the MMD, failures.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::{
+    axis,
+    recorded::{Run, State},
+    table::Cell,
+};
+
+/// Below this many seeds an interval says little of the algorithm.
+const ENOUGH_SEEDS: usize = 10;
+
+/// The notes of a table over `runs`, whose cells are `cells`.
+pub fn of_table<'a>(runs: &[&Run], cells: impl Iterator<Item = &'a Cell>) -> Vec<String> {
+    let cells: Vec<&Cell> = cells.collect();
+    let finished = runs.iter().filter(|run| run.recording().is_some()).count();
+    let mut notes = vec![format!("{finished} of {} finished.", count(runs.len(), "run"))];
+    notes.push(
+        "Ours: mean ± half-width of the 95 % Student t interval over seeds, of the dense return of the final evaluation \
+         (a seed's value is the mean over its episodes)."
+            .to_owned(),
+    );
+    if cells.iter().any(|cell| cell.paper.is_some()) {
+        notes.push(
+            "The paper's: mean ± standard deviation over 50 episodes under the best policy of five seeds; best seed is \
+             ours in the same way. Consistent: the paper's value could be one more of our seeds."
+                .to_owned(),
+        );
+    }
+    notes.push(format!("Budget: {} environment steps.", span(runs, |run| run.spec.budget.env_steps.get(), steps)));
+    let episodes = span(runs, |run| run.spec.evaluation.final_episodes.get(), |episodes| episodes.to_string());
+    notes.push(format!("Final evaluation: {episodes} episodes with the mean action."));
+    let most = cells.iter().map(|cell| cell.planned).max().unwrap_or(0);
+    if most < ENOUGH_SEEDS {
+        notes.push(format!(
+            "Fewer than {ENOUGH_SEEDS} seeds ({most}): the intervals hold for normal samples only, and say little of small differences."
+        ));
+    }
+    notes.extend(readings(runs));
+    notes.extend(failures(runs));
+    notes
+}
+
+/// Which reading of the MMD each algorithm used.
+fn readings(runs: &[&Run]) -> Option<String> {
+    let mut readings: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    for run in runs {
+        if let Some(samples) = run.spec.value("mmd.samples") {
+            let name = axis::display_name(run.spec.algorithm_name()).to_owned();
+            readings.entry(name).or_default().insert(axis::value_label(&samples));
+        }
+    }
+    let list: Vec<String> = readings
+        .into_iter()
+        .map(|(name, samples)| format!("{name} {}", samples.into_iter().collect::<Vec<_>>().join(" and ")))
+        .collect();
+    (!list.is_empty()).then(|| format!("Samples of the MMD: {}.", list.join(", ")))
+}
+
+/// One note a run that failed, with its error.
+fn failures(runs: &[&Run]) -> Vec<String> {
+    let failed = runs.iter().filter_map(|run| match &run.state {
+        State::Failed { error } => Some(format!("Failed: {}: {error}", run.spec.id)),
+        State::Missing | State::Finished(_) => None,
+    });
+    failed.collect()
+}
+
+/// The range of a number over `runs`: one value, or the least and the greatest.
+fn span(runs: &[&Run], number: impl Fn(&Run) -> u64, text: impl Fn(u64) -> String) -> String {
+    let numbers: BTreeSet<u64> = runs.iter().map(|run| number(run)).collect();
+    match (numbers.first(), numbers.last()) {
+        (Some(least), Some(most)) if least < most => format!("{} to {}", text(*least), text(*most)),
+        (Some(only), _) => text(*only),
+        (None, _) => "no".to_owned(),
+    }
+}
+
+/// `1 seed`, `3 seeds`.
+pub fn count(number: usize, what: &str) -> String {
+    if number == 1 { format!("1 {what}") } else { format!("{number} {what}s") }
+}
+
+/// Environment steps in few characters: `500`, `20k`, `1.5M`.
+pub fn steps(steps: u64) -> String {
+    match steps {
+        0..1_000 => steps.to_string(),
+        1_000..1_000_000 => format!("{}k", round(steps as f64 / 1e3)),
+        _ => format!("{}M", round(steps as f64 / 1e6)),
+    }
+}
+
+/// At most two decimals.
+fn round(number: f64) -> f64 {
+    (number * 100.0).round() / 100.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::fixture;
+
+    #[test]
+    fn notes_name_budget_readings_and_failures() {
+        let runs = [
+            fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 0).failed("out of memory"),
+            fixture::ppo("Hopper-v2", 1).finished(&[(100, &[1.0])]),
+        ];
+        let notes = of_table(&runs.iter().collect::<Vec<_>>(), [].into_iter()).join("\n");
+        assert!(notes.contains("1 of 2 runs finished."), "{notes}");
+        assert!(notes.contains("Budget: 100 environment steps."), "{notes}");
+        assert!(notes.contains("Samples of the MMD: MCPO demo_states."), "{notes}");
+        assert!(notes.contains(&format!("Failed: {}: out of memory", runs[0].spec.id)), "{notes}");
+    }
+
+    #[test]
+    fn steps_are_short() {
+        let text: Vec<_> = [7, 999, 20_000, 8_192, 300_000, 3_000_000, 1_500_000].map(steps).into();
+        assert_eq!(text, ["7", "999", "20k", "8.19k", "300k", "3M", "1.5M"]);
+    }
+}

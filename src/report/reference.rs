@@ -1,0 +1,144 @@
+//! The figures that the paper prints.
+//!
+//! Owns `reference.toml`, the transcription of the appendix's Tables 2 to 5, and typed access to it. Knows nothing of what
+//! was recorded here. Start at [`returns`] and [`ablation`].
+
+use std::sync::LazyLock;
+
+use serde::Deserialize;
+
+/// A return as the paper prints it: over 50 episodes with the best policy of five seeds, in the dense reward.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(from = "(f64, f64)")]
+pub struct PaperValue {
+    /// Mean over the episodes.
+    pub mean: f64,
+    /// Standard deviation over the episodes.
+    pub std: f64,
+}
+
+impl PaperValue {
+    /// Evaluation episodes behind the mean (appendix, E.2).
+    pub const EPISODES: f64 = 50.0;
+}
+
+impl From<(f64, f64)> for PaperValue {
+    fn from((mean, std): (f64, f64)) -> Self {
+        Self { mean, std }
+    }
+}
+
+/// The row of Tables 3 and 4 of one environment.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+pub struct Returns {
+    environment: String,
+    /// Return of the one demonstrated trajectory.
+    pub demo: f64,
+    pretraining: PaperValue,
+    pofd: PaperValue,
+    mcpo: PaperValue,
+    expert: PaperValue,
+    random: PaperValue,
+    ppo: PaperValue,
+    mmd_il: PaperValue,
+}
+
+impl Returns {
+    /// The value of `algorithm`, by its name in a matrix; `None` where the paper has none.
+    pub fn of(&self, algorithm: &str) -> Option<PaperValue> {
+        Some(match algorithm {
+            "pretraining" => self.pretraining,
+            "pofd" => self.pofd,
+            "mcpo" => self.mcpo,
+            "expert" => self.expert,
+            "random" => self.random,
+            "ppo" => self.ppo,
+            "mmd_il" => self.mmd_il,
+            _ => return None,
+        })
+    }
+}
+
+/// MCPO's constraint in one environment (Table 2).
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+pub struct Constraint {
+    environment: String,
+    gym: String,
+    /// The tolerance d.
+    pub d: f64,
+    /// The annealing factor epsilon.
+    pub epsilon: f64,
+}
+
+#[derive(Debug, Deserialize)]
+struct AblationRow {
+    d: f64,
+    epsilon: f64,
+    mcpo: PaperValue,
+}
+
+#[derive(Debug, Deserialize)]
+struct Paper {
+    table2: Vec<Constraint>,
+    returns: Vec<Returns>,
+    table5: Vec<AblationRow>,
+}
+
+static PAPER: LazyLock<Paper> =
+    LazyLock::new(|| toml::from_str(include_str!("reference.toml")).expect("reference.toml is checked by a test"));
+
+/// The environment of Table 5, by its Gym id.
+pub const ABLATION_ENV: &str = "HalfCheetah-v2";
+
+/// Table 2's row for the environment with Gym id `gym`.
+pub fn constraint(gym: &str) -> Option<&'static Constraint> {
+    PAPER.table2.iter().find(|row| row.gym == gym)
+}
+
+/// The row of Tables 3 and 4 for the environment with Gym id `gym`.
+pub fn returns(gym: &str) -> Option<&'static Returns> {
+    let paper_name = &constraint(gym)?.environment;
+    PAPER.returns.iter().find(|row| &row.environment == paper_name)
+}
+
+/// Table 5: MCPO on [`ABLATION_ENV`] with tolerance `d` and annealing factor `epsilon`.
+pub fn ablation(d: f64, epsilon: f64) -> Option<PaperValue> {
+    PAPER.table5.iter().find(|row| row.d == d && row.epsilon == epsilon).map(|row| row.mcpo)
+}
+
+/// Environment steps that a run needs to be compared with the paper, which does not print its own.
+///
+/// This project's choice: 2e5 for MountainCar and InvertedPendulum, 1e6 for InvertedDoublePendulum, 3e6 for the others.
+pub fn assumed_budget(gym: &str) -> u64 {
+    match gym {
+        "MountainCarContinuous-v0" | "InvertedPendulum-v2" => 200_000,
+        "InvertedDoublePendulum-v2" => 1_000_000,
+        _ => 3_000_000,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_the_paper_does_not_print_is_absent() {
+        assert_eq!(returns("Swimmer-v2"), None);
+        assert_eq!(returns("HalfCheetah-v2").and_then(|row| row.of("trpo")), None);
+        assert_eq!(ablation(1e-2, 0.0), None);
+    }
+
+    #[test]
+    fn the_tables_are_found_by_gym_id_and_algorithm() {
+        let cheetah = returns("HalfCheetah-v2").expect("a row");
+        assert_eq!(cheetah.demo, 2109.80);
+        assert_eq!(cheetah.of("mcpo"), Some(PaperValue { mean: 3541.23, std: 135.72 }));
+        let pendulum = returns("InvertedPendulum-v2").expect("the paper's Pendulum-v2");
+        assert_eq!(pendulum.of("mmd_il"), Some(PaperValue { mean: 25.71, std: 1.03 }));
+        assert_eq!(ablation(1e-3, 2e-3), Some(PaperValue { mean: 2943.08, std: 99.60 }));
+        assert_eq!(ablation(1.0, 0.0).map(|value| value.mean), Some(-586.52));
+        assert_eq!(constraint("Hopper-v2").map(|row| row.d), Some(1e-4));
+        assert_eq!(PAPER.returns.len(), 7);
+        assert!(PAPER.table2.iter().all(|row| returns(&row.gym).is_some()));
+    }
+}

@@ -1,0 +1,311 @@
+//! Tables as numbers, before anything is written.
+//!
+//! Owns what is said of each cell: our mean over seeds with its interval, the best seed, the paper's value, and the verdict.
+//! Knows nothing of Markdown or LaTeX. Start at [`TableData::new`].
+//!
+//! # The verdict
+//!
+//! The paper's number is one policy's: the best of five seeds, over 50 episodes. So it is asked whether it could be one more
+//! of our seeds: it is **consistent** where the paper's 95 % interval over its 50 episodes meets our 95 % prediction
+//! interval for one more seed (the t interval's half-width times sqrt(n + 1)); else ours is **above** or **below**. The best of
+//! five lies above the mean of five, so a verdict of "below" weighs less than one of "above". With fewer than three
+//! finished seeds, or fewer steps than [`reference::assumed_budget`], it is **not comparable**, and the reason is given.
+
+use crate::stats::{Interval, t_interval};
+
+use crate::spec::Table;
+
+use super::{
+    axis,
+    curve::{CONFIDENCE, mean, paper_value},
+    notes,
+    recorded::Run,
+    reference::{self, PaperValue},
+};
+
+/// Seeds without which a verdict would mean nothing.
+const SEEDS_FOR_VERDICT: usize = 3;
+
+/// Half a unit of the last digit that the paper prints.
+const ROUNDING: f64 = 0.005;
+
+/// One table.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TableData {
+    /// Above the table.
+    pub title: String,
+    /// What the rows are told apart by, in words.
+    pub row_keys: Vec<String>,
+    /// What the columns are told apart by, in words.
+    pub column_key: String,
+    /// One label a column.
+    pub columns: Vec<String>,
+    /// The rows, in the plan's order.
+    pub rows: Vec<Row>,
+    /// Budget, seeds, readings and failures, a sentence each.
+    pub notes: Vec<String>,
+}
+
+/// One row.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Row {
+    /// The value of each row key; empty where the runs do not have that axis.
+    pub labels: Vec<String>,
+    /// The demonstration's return in the paper, where the row is one environment of the paper's.
+    pub demo: Option<f64>,
+    /// One a column; `None` where the matrix has no such run.
+    pub cells: Vec<Option<Cell>>,
+}
+
+/// One cell: the runs of one row and column.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Cell {
+    /// Mean over the finished seeds of their final evaluation's mean dense return, with its t interval.
+    pub ours: Option<Interval>,
+    /// Finished seeds with a final evaluation.
+    pub seeds: usize,
+    /// Seeds that the plan has.
+    pub planned: usize,
+    /// The seed with the highest mean.
+    pub best: Option<Best>,
+    /// The paper's value.
+    pub paper: Option<PaperValue>,
+    /// Ours against the paper's; `None` where there is nothing to compare.
+    pub verdict: Option<Verdict>,
+    /// Environment steps of the shortest run.
+    pub env_steps: u64,
+}
+
+/// The paper's way of evaluating: the best seed's policy alone.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Best {
+    /// The seed.
+    pub seed: u64,
+    /// Mean dense return over its final episodes.
+    pub mean: f64,
+    /// Sample standard deviation over them; NaN for one episode.
+    pub std: f64,
+    /// How many episodes.
+    pub episodes: usize,
+}
+
+/// Ours against the paper's; see the module's documentation.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Verdict {
+    /// The paper's value could be one more of our seeds.
+    Consistent,
+    /// Ours is above what the paper's value allows.
+    Above,
+    /// Ours is below what the paper's value allows.
+    Below,
+    /// Too few seeds or steps; the reason.
+    NotComparable(String),
+}
+
+impl Verdict {
+    /// In words.
+    pub fn text(&self) -> String {
+        match self {
+            Self::Consistent => "consistent".to_owned(),
+            Self::Above => "above".to_owned(),
+            Self::Below => "below".to_owned(),
+            Self::NotComparable(reason) => format!("not comparable: {reason}"),
+        }
+    }
+}
+
+impl TableData {
+    /// The cells of `table` over `runs`, which are those that its `only` selects, in the plan's order.
+    pub fn new(table: &Table, runs: &[&Run]) -> Self {
+        let mut column_keys = vec![table.columns.clone()];
+        let known: Vec<String> = table.rows.iter().chain(&column_keys).cloned().collect();
+        let (env, others): (Vec<_>, Vec<_>) = axis::hidden_axes(runs, &known).into_iter().partition(|key| key == "env");
+        let row_keys: Vec<String> = env.into_iter().chain(table.rows.iter().cloned()).collect();
+        column_keys.extend(others);
+
+        let columns = axis::group(runs, &column_keys);
+        let rows = axis::group(runs, &row_keys).into_iter().map(|row| {
+            let cell = |column: &axis::Group<'_>| {
+                let runs: Vec<&Run> = row.runs.iter().copied().filter(|run| column.runs.contains(run)).collect();
+                (!runs.is_empty()).then(|| Cell::new(table.reference.as_deref(), &runs))
+            };
+            let one_env = row_keys.iter().any(|key| key == "env") && table.reference.is_some();
+            Row {
+                labels: row
+                    .values
+                    .iter()
+                    .map(|value| value.as_ref().map_or(String::new(), axis::value_label))
+                    .collect(),
+                demo: reference::returns(row.runs[0].spec.env.name()).map(|row| row.demo).filter(|_| one_env),
+                cells: columns.iter().map(cell).collect(),
+            }
+        });
+        let rows: Vec<Row> = rows.collect();
+        Self {
+            title: table.title.clone(),
+            row_keys: row_keys.iter().map(|key| axis::key_label(key)).collect(),
+            column_key: axis::key_label(&table.columns),
+            columns: axis::labels(&column_keys, &columns),
+            notes: notes::of_table(runs, rows.iter().flat_map(|row| row.cells.iter().flatten())),
+            rows,
+        }
+    }
+}
+
+impl Cell {
+    fn new(reference: Option<&str>, runs: &[&Run]) -> Self {
+        let seeds: Vec<(u64, Vec<f64>)> = runs
+            .iter()
+            .filter_map(|run| Some((run.spec.seed.0, run.recording()?.final_returns())))
+            .filter(|(_, returns)| !returns.is_empty())
+            .collect();
+        let means: Vec<f64> = seeds.iter().map(|(_, returns)| mean(returns)).collect();
+        let best = seeds.iter().zip(&means).max_by(|left, right| left.1.total_cmp(right.1));
+        let best = best.map(|((seed, returns), &mean)| Best {
+            seed: *seed,
+            mean,
+            std: (returns.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (returns.len() as f64 - 1.0)).sqrt(),
+            episodes: returns.len(),
+        });
+        let ours = t_interval(&means, CONFIDENCE);
+        let paper = match reference {
+            Some("table5") => paper_value(runs[0], true),
+            Some(_) => paper_value(runs[0], false),
+            None => None,
+        };
+        let env_steps = runs.iter().map(|run| run.spec.budget.env_steps.get()).min().unwrap_or(0);
+        let needed = match runs[0].spec.algorithm_name() {
+            "random" => 0, // it does not learn
+            _ => reference::assumed_budget(runs[0].spec.env.name()),
+        };
+        let verdict = paper.map(|paper| match ours {
+            None => Verdict::NotComparable("no finished run".to_owned()),
+            Some(_) if seeds.len() < SEEDS_FOR_VERDICT => {
+                Verdict::NotComparable(format!("{}; {SEEDS_FOR_VERDICT} are needed", notes::count(seeds.len(), "seed")))
+            }
+            Some(_) if env_steps < needed => {
+                Verdict::NotComparable(format!("{} of {} steps", notes::steps(env_steps), notes::steps(needed)))
+            }
+            Some(ours) => verdict(ours, seeds.len(), paper),
+        });
+        Self { ours, seeds: seeds.len(), planned: runs.len(), best, paper, verdict, env_steps }
+    }
+}
+
+/// Compares the interval of `seeds` seeds with the paper's value; the module's documentation says how.
+fn verdict(ours: Interval, seeds: usize, paper: PaperValue) -> Verdict {
+    let one_more = (seeds as f64 + 1.0).sqrt();
+    // t(0.975, 49), for the paper's 50 episodes.
+    let paper_half = 2.009575 * paper.std / PaperValue::EPISODES.sqrt() + ROUNDING;
+    let low = ours.mean - (ours.mean - ours.low) * one_more;
+    let high = ours.mean + (ours.high - ours.mean) * one_more;
+    if low > paper.mean + paper_half {
+        Verdict::Above
+    } else if high < paper.mean - paper_half {
+        Verdict::Below
+    } else {
+        Verdict::Consistent
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::fixture;
+
+    fn comparison() -> Table {
+        Table {
+            name: "t".into(),
+            title: "T".into(),
+            rows: vec!["env".into()],
+            columns: "algorithm".into(),
+            only: None,
+            reference: Some("table3".into()),
+        }
+    }
+
+    fn table(table: &Table, runs: &[Run]) -> TableData {
+        TableData::new(table, &runs.iter().collect::<Vec<_>>())
+    }
+
+    fn only_cell(data: &TableData) -> &Cell {
+        data.rows[0].cells[0].as_ref().expect("a cell")
+    }
+
+    #[test]
+    fn a_failed_run_is_counted_and_named() {
+        let runs = [
+            fixture::ppo("Hopper-v2", 0).finished(&[(100, &[10.0, 20.0])]),
+            fixture::ppo("Hopper-v2", 1).failed("training diverged"),
+        ];
+        let data = table(&comparison(), &runs);
+        let cell = only_cell(&data);
+        assert_eq!((cell.seeds, cell.planned), (1, 2));
+        assert_eq!(cell.ours.map(|ours| (ours.mean, ours.low, ours.high)), Some((15.0, 15.0, 15.0)));
+        assert!(matches!(&cell.verdict, Some(Verdict::NotComparable(reason)) if reason.contains("1 seed")));
+        assert!(data.notes.iter().any(|note| note.contains("training diverged")), "{:?}", data.notes);
+    }
+
+    #[test]
+    fn a_cell_without_finished_runs_has_no_numbers() {
+        let data = table(&comparison(), &[fixture::ppo("Hopper-v2", 0)]);
+        let cell = only_cell(&data);
+        assert_eq!((cell.ours, cell.best, cell.seeds, cell.planned), (None, None, 0, 1));
+        assert_eq!(cell.verdict, Some(Verdict::NotComparable("no finished run".into())));
+    }
+
+    #[test]
+    fn only_the_last_evaluation_counts_and_seeds_are_the_samples() {
+        let runs = [
+            fixture::ppo("Hopper-v2", 0).finished(&[(50, &[900.0]), (100, &[1.0, 3.0])]),
+            fixture::ppo("Hopper-v2", 1).finished(&[(50, &[900.0]), (100, &[5.0, 7.0])]),
+            fixture::ppo("Hopper-v2", 2).finished(&[(50, &[900.0]), (100, &[3.0, 5.0])]),
+        ];
+        let data = table(&comparison(), &runs);
+        let cell = only_cell(&data);
+        // Samples 2, 6, 4: mean 4, standard error 2 / sqrt(3), and t(0.975, 2) = 4.302652730.
+        let ours = cell.ours.expect("finished");
+        let half = 4.302652729911275 * 2.0 / 3.0_f64.sqrt();
+        assert!((ours.mean - 4.0).abs() < 1e-12 && (ours.high - 4.0 - half).abs() < 1e-6, "{ours:?}");
+        assert_eq!(cell.best, Some(Best { seed: 1, mean: 6.0, std: 2.0_f64.sqrt(), episodes: 2 }));
+        assert_eq!(cell.verdict, Some(Verdict::NotComparable("100 of 3M steps".into())));
+    }
+
+    #[test]
+    fn the_verdict_asks_whether_the_paper_could_be_one_more_seed() {
+        let ours = Interval { mean: 100.0, low: 90.0, high: 110.0 };
+        // With 3 seeds the prediction interval is 100 ± 20; the paper's is its mean ± 0.2842 std.
+        let paper = |mean, std| PaperValue { mean, std };
+        assert_eq!(verdict(ours, 3, paper(119.9, 0.0)), Verdict::Consistent);
+        assert_eq!(verdict(ours, 3, paper(120.1, 0.0)), Verdict::Below);
+        assert_eq!(verdict(ours, 3, paper(122.8, 10.0)), Verdict::Consistent);
+        assert_eq!(verdict(ours, 3, paper(79.0, 1.0)), Verdict::Above);
+        let exact = Interval { mean: 1000.0, low: 1000.0, high: 1000.0 };
+        assert_eq!(verdict(exact, 5, paper(1000.0, 0.0)), Verdict::Consistent);
+    }
+
+    #[test]
+    fn settings_that_share_a_cell_become_columns_of_their_own() {
+        let runs = [
+            fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 0),
+            fixture::mcpo("Hopper-v2", 1e-2, 1e-3, 0),
+            fixture::ppo("Hopper-v2", 0),
+        ];
+        let data = table(&comparison(), &runs);
+        assert_eq!(data.columns, ["MCPO, d = 10⁻⁴", "MCPO, d = 0.01", "PPO"]);
+        let papers: Vec<_> = data.rows[0].cells.iter().flatten().map(|cell| cell.paper.map(|p| p.mean)).collect();
+        assert_eq!(papers, [Some(1897.69), None, Some(17.09)], "only Table 2's setting is the paper's MCPO");
+    }
+
+    #[test]
+    fn an_ablation_compares_with_table_5() {
+        let rows = vec!["d".into(), "epsilon".into()];
+        let ablation = Table { rows, reference: Some("table5".into()), ..comparison() };
+        let runs = [fixture::mcpo("HalfCheetah-v2", 1e-3, 1e-3, 0), fixture::mcpo("HalfCheetah-v2", 1e-6, 0.0, 0)];
+        let data = table(&ablation, &runs);
+        assert_eq!(data.row_keys, ["d", "ε"]);
+        assert_eq!(data.rows.iter().map(|row| row.labels.join(" ")).collect::<Vec<_>>(), ["10⁻³ 10⁻³", "10⁻⁶ 0"]);
+        assert_eq!(only_cell(&data).paper.map(|paper| paper.mean), Some(3286.78));
+        assert_eq!(data.rows[0].demo, None);
+    }
+}

@@ -1,0 +1,142 @@
+//! `mcpo-run report` on recorded files, as a user calls it.
+
+use std::{fs, path::Path, process::Output};
+
+use assert_cmd::Command;
+use mcpo_run::{
+    algo::Update,
+    plan::{RunSpec, plan},
+    record::{Build, Manifest, Outcome, RunPaths, Stamp, rows},
+    spec::{self, Overrides},
+    train::{EvaluationEpisode, Iteration},
+};
+
+const MATRIX: &str = r#"
+name = "small"
+description = "MCPO and PPO on InvertedPendulum"
+budget.env_steps = 4096
+rollout.steps = 1024
+
+[[matrix]]
+seed = [0, 1]
+env = ["InvertedPendulum-v2"]
+algorithm = ["mcpo", "ppo"]
+
+[[figures]]
+name = "mmd"
+title = "The constraint"
+y = "mmd"
+series = ["algorithm"]
+only = "algorithm=mcpo"
+log_y = true
+
+[[tables]]
+name = "returns"
+title = "Returns"
+rows = ["env"]
+columns = "algorithm"
+reference = "table3"
+"#;
+
+/// Writes what `spec` would have left: a failure, or two evaluations with the last one's returns around `end`.
+fn record(spec: &RunSpec, results: &Path, end: Result<f64, &str>) {
+    let paths = RunPaths::new(results, &spec.experiment, &spec.id).expect("a good id");
+    fs::create_dir_all(&paths.complete).expect("made");
+    let json = serde_json::to_value(spec).expect("a specification serialises");
+    let build = Build::current(serde_json::Value::Null);
+    let mut manifest = Manifest::new(Stamp { spec: json, fingerprint: "f".into(), build, origin: None });
+    manifest.outcome = match end {
+        Err(error) => Outcome::Failed { error: error.into(), log_tail: Vec::new() },
+        Ok(mean) => {
+            let keys = rows::Keys {
+                experiment: spec.experiment.clone(),
+                run: spec.id.clone(),
+                env: spec.env.name().into(),
+                algorithm: spec.algorithm_name().into(),
+                d: spec.d(),
+                epsilon: spec.epsilon(),
+                seed: spec.seed.0,
+            };
+            let episode = |env_steps: u64, last: bool, episode: u64, dense_return: f64| EvaluationEpisode {
+                env_steps,
+                last,
+                episode,
+                dense_return,
+                training_return: 0.0,
+                length: 10,
+            };
+            let episodes =
+                [episode(2048, false, 0, 20.0), episode(4096, true, 0, mean - 1.0), episode(4096, true, 1, mean + 1.0)];
+            let iterations = [1, 2, 3, 4].map(|iteration| Iteration {
+                iteration,
+                env_steps: 1024 * iteration,
+                episodes: 0,
+                dense_return: None,
+                training_return: None,
+                episode_length: None,
+                update: Update { mmd: Some(0.1_f64.powi(iteration as i32)), d: Some(1e-3), ..Update::default() },
+                rollout_seconds: 0.0,
+                update_seconds: 0.0,
+                physics_seconds: 0.0,
+            });
+            rows::write_evaluations(&RunPaths::evaluations(&paths.complete), &keys, &manifest.stamp, &episodes)
+                .expect("written");
+            rows::write_progress(&RunPaths::progress(&paths.complete), &keys, &manifest.stamp, &iterations)
+                .expect("written");
+            Outcome::Finished
+        }
+    };
+    manifest.write(&RunPaths::manifest(&paths.complete)).expect("written");
+}
+
+fn report(folder: &Path) -> Output {
+    let mut command = Command::cargo_bin("mcpo-run").expect("the binary is built");
+    command.current_dir(folder).args(["report", "small.toml"]).output().expect("it runs")
+}
+
+fn plan_in(folder: &Path) -> Vec<RunSpec> {
+    fs::write(folder.join("small.toml"), MATRIX).expect("written");
+    let spec = spec::load(&folder.join("small.toml"), &Overrides::default()).expect("a valid file");
+    plan(&spec).expect("a plan")
+}
+
+#[test]
+fn a_damaged_recording_is_an_error_that_names_the_file() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let plan = plan_in(folder.path());
+    let results = folder.path().join("results");
+    record(&plan[0], &results, Ok(100.0));
+    let paths = RunPaths::new(&results, "small", &plan[0].id).expect("a good id");
+    fs::write(RunPaths::evaluations(&paths.complete), "PAR1, but nothing else").expect("damaged");
+    let output = report(folder.path());
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{message}");
+    assert!(message.contains("evaluations.parquet"), "{message}");
+}
+
+#[test]
+fn partial_results_make_a_report_that_says_what_is_missing() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let plan = plan_in(folder.path());
+    let results = folder.path().join("results");
+    record(&plan[0], &results, Ok(900.0));
+    record(&plan[1], &results, Err("training diverged"));
+    record(&plan[2], &results, Ok(30.0));
+
+    let output = report(folder.path());
+    let (stdout, stderr) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert_eq!(output.status.code(), Some(0), "{stderr}");
+    assert!(stdout.contains("small: 2 of 4 runs finished."), "{stdout}");
+    assert!(stdout.contains("seed-1 failed: training diverged"), "{stdout}");
+    assert!(stdout.contains("900 (1 of 2 seeds)") && stdout.contains("1000 ± 0"), "{stdout}");
+
+    let written = results.join("small/report");
+    for name in ["mmd.png", "mmd.svg", "mmd-curves.csv", "returns.md", "returns.tex", "returns.csv", "README.md"] {
+        assert!(written.join(name).exists(), "{name}");
+        assert!(stdout.contains(name), "{name} is not named: {stdout}");
+    }
+    let csv = fs::read_to_string(written.join("mmd-curves.csv")).expect("readable");
+    assert!(csv.contains("InvertedPendulum-v2,MCPO,1024,0.1,,,1,2"), "{csv}");
+    let cells = fs::read_to_string(written.join("returns.csv")).expect("readable");
+    assert!(cells.contains("InvertedPendulum-v2,MCPO,900,,,1,2,0,900,"), "{cells}");
+}
