@@ -18,6 +18,10 @@ pub struct Pass {
     pub(super) output_dim: usize,
     /// Each layer's activations `[out x samples]`, and room beyond them for larger batches.
     pub(super) activations: Vec<Vec<f32>>,
+    /// Each layer's weights, transposed `[in x out]`: the way back reads them so. Made when first needed.
+    pub(super) transposed: Vec<Vec<f32>>,
+    /// Whether [`transposed`](Self::transposed) is that of the last forward pass's parameters.
+    pub(super) is_transposed: bool,
     /// Derivatives of two neighbouring hidden layers on one chunk.
     pub(super) scratch: [Vec<f32>; 2],
     /// One chunk's derivatives by one layer's biases.
@@ -37,6 +41,8 @@ impl Pass {
         let widest = outputs.iter().copied().max().unwrap_or(0);
         self.samples = samples;
         self.output_dim = outputs[outputs.len() - 1];
+        self.is_transposed = false;
+        self.transposed.resize_with(outputs.len(), Vec::new);
         self.activations.resize_with(outputs.len(), Vec::new);
         for (activation, width) in self.activations.iter_mut().zip(outputs) {
             grow(activation, width * samples);
