@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, DMatrixView};
 use rand::RngExt as _;
 use serde::{Deserialize, Serialize};
 
-use super::pass::{Pass, chunks, columns, columns_mut, matrix, matrix_mut};
+use super::pass::{CHUNK, Pass, chunks, columns, columns_mut, matrix, matrix_mut};
 use crate::{
     arithmetic::{
         product::{product, product_nt},
@@ -14,6 +14,9 @@ use crate::{
     },
     rng::Rng,
 };
+
+/// The sum over a chunk's samples is a product with these.
+static ONES: [f32; CHUNK] = [1.0; CHUNK];
 
 /// A network's shape and parameters: for each layer the weights (column-major `[out x in]`), then the biases (`[out]`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -140,12 +143,8 @@ impl Mlp {
             };
             let (by_weights, by_biases) = block.split_at_mut(fan_in * width);
             product_nt(matrix(derivative, width), matrix(input, fan_in), 1.0, matrix_mut(by_weights, width));
-            let of_chunk = &mut pass.bias_sums[..width];
-            of_chunk.fill(0.0);
-            for column in derivative.chunks_exact(width) {
-                of_chunk.iter_mut().zip(column).for_each(|(sum, term)| *sum += term);
-            }
-            by_biases.iter_mut().zip(of_chunk).for_each(|(sum, term)| *sum += *term);
+            let ones = matrix(&ONES[..chunk.len()], chunk.len());
+            product(matrix(derivative, width), ones, 1.0, matrix_mut(by_biases, width));
             if layer > 0 {
                 let weights = matrix(&pass.transposed[layer], fan_in);
                 let below = columns_mut(below, fan_in, &at_zero);
@@ -207,7 +206,7 @@ fn add_to_columns(values: &mut [f32], bias: &[f32]) {
 
 #[cfg(test)]
 pub(super) mod tests {
-    use super::{super::pass::CHUNK, *};
+    use super::*;
     use crate::rng::{Seed, Stream};
 
     /// A small network and inputs of order one, `n` of them.

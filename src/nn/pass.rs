@@ -24,8 +24,6 @@ pub struct Pass {
     pub(super) is_transposed: bool,
     /// Derivatives of two neighbouring hidden layers on one chunk.
     pub(super) scratch: [Vec<f32>; 2],
-    /// One chunk's derivatives by one layer's biases.
-    pub(super) bias_sums: Vec<f32>,
 }
 
 impl Pass {
@@ -47,7 +45,6 @@ impl Pass {
         for (activation, width) in self.activations.iter_mut().zip(outputs) {
             grow(activation, width * samples);
         }
-        grow(&mut self.bias_sums, widest);
         for scratch in &mut self.scratch {
             grow(scratch, widest * samples.min(CHUNK));
         }
