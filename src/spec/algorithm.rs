@@ -11,11 +11,34 @@ use crate::{algo, env::EnvId};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Algorithm {
-    /// PPO.
-    Ppo(algo::ppo::Hyperparameters),
     /// MCPO.
     Mcpo(algo::mcpo::Hyperparameters),
+    /// PPO.
+    Ppo(algo::ppo::Hyperparameters),
+    /// Behaviour cloning, then PPO.
+    Pretraining(algo::pretraining::Hyperparameters),
+    /// POfD.
+    Pofd(algo::pofd::Hyperparameters),
+    /// MMD imitation.
+    MmdIl(algo::mmd_il::Hyperparameters),
+    /// PPO on the dense reward.
+    Expert(algo::ppo::Hyperparameters),
+    /// Uniform actions.
+    Random(Nothing),
+    /// TRPO.
+    Trpo(algo::trpo::Hyperparameters),
+    /// GAIL.
+    Gail(algo::gail::Hyperparameters),
+    /// Behaviour cloning alone.
+    Bc(algo::cloning::Hyperparameters),
+    /// The surrogate minus a weighted MMD^2.
+    Penalty(algo::penalty::Hyperparameters),
 }
+
+/// The hyperparameters of an algorithm that has none.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Nothing {}
 
 /// What must be known of an algorithm before it runs.
 struct Entry {
@@ -30,7 +53,7 @@ struct Entry {
 }
 
 /// Every algorithm, in the order in which messages list them.
-const REGISTRY: [Entry; 2] = [
+const REGISTRY: [Entry; 11] = [
     Entry {
         name: "mcpo",
         demonstration: true,
@@ -42,6 +65,55 @@ const REGISTRY: [Entry; 2] = [
         demonstration: false,
         dense: false,
         defaults: |env| Algorithm::Ppo(algo::ppo::Hyperparameters::for_env(env)),
+    },
+    Entry {
+        name: "pretraining",
+        demonstration: true,
+        dense: false,
+        defaults: |env| Algorithm::Pretraining(algo::pretraining::Hyperparameters::for_env(env)),
+    },
+    Entry {
+        name: "pofd",
+        demonstration: true,
+        dense: false,
+        defaults: |env| Algorithm::Pofd(algo::pofd::Hyperparameters::for_env(env)),
+    },
+    Entry {
+        name: "mmd_il",
+        demonstration: true,
+        dense: false,
+        defaults: |env| Algorithm::MmdIl(algo::mmd_il::Hyperparameters::for_env(env)),
+    },
+    Entry {
+        name: "expert",
+        demonstration: false,
+        dense: true,
+        defaults: |env| Algorithm::Expert(algo::ppo::Hyperparameters::for_env(env)),
+    },
+    Entry { name: "random", demonstration: false, dense: false, defaults: |_| Algorithm::Random(Nothing {}) },
+    Entry {
+        name: "trpo",
+        demonstration: false,
+        dense: false,
+        defaults: |env| Algorithm::Trpo(algo::trpo::Hyperparameters::for_env(env)),
+    },
+    Entry {
+        name: "gail",
+        demonstration: true,
+        dense: false,
+        defaults: |env| Algorithm::Gail(algo::gail::Hyperparameters::for_env(env)),
+    },
+    Entry {
+        name: "bc",
+        demonstration: true,
+        dense: false,
+        defaults: |env| Algorithm::Bc(algo::cloning::Hyperparameters::for_env(env)),
+    },
+    Entry {
+        name: "penalty",
+        demonstration: true,
+        dense: false,
+        defaults: |env| Algorithm::Penalty(algo::penalty::Hyperparameters::for_env(env)),
     },
 ];
 

@@ -9,7 +9,7 @@ use super::{
     catalog::Catalog,
     check::{BLOCK_KEYS, check},
     cross::Draft,
-    error::{Place, SpecError},
+    error::SpecError,
     layers,
     names::nearest_label,
     source::{self, AxisList, Layer, Source, Step},
@@ -30,11 +30,13 @@ pub(super) fn assemble(path: &Path, text: Option<&str>, overrides: &Overrides) -
 
     let mut sources = Vec::new();
     let mut tables = Vec::new();
+    let mut slips = false;
     for layer in &layers {
         let (source, syntax) = layer.parse();
         let mut checked = check(&source, &axes);
         // What follows from a slip of syntax on the same line is not a second mistake.
         checked.errors.retain(|error| !syntax.iter().any(|slip| slip.line().is_some() && slip.line() == error.line()));
+        slips |= !syntax.is_empty();
         errors.extend(syntax);
         errors.extend(checked.errors);
         anchor(&mut checked.table, layer);
@@ -46,19 +48,14 @@ pub(super) fn assemble(path: &Path, text: Option<&str>, overrides: &Overrides) -
 
     let merged = layers::merge(tables);
     let (mut spec, indices) = build(merged, path, &sources, &axes, &mut errors);
-    let draft = Draft { spec: &spec, indices: &indices, sources: &sources, axes: &axes };
-    let written = |key: &str| sources.iter().any(|source| source.tree.get_ref().contains_key(key));
-    for (key, how) in [("name", "write `name = \"...\"`"), ("matrix", "write a `[[matrix]]` block")] {
-        if !written(key) {
-            let mut error = draft.at_start(format!("`{key}` is missing"));
-            error.label = Some(how.into());
-            errors.push(error);
-        }
+    // After a slip of syntax, what seems to be missing may be there.
+    if !slips {
+        let draft = Draft { spec: &spec, indices: &indices, sources: &sources, axes: &axes, known: &errors };
+        let findings = draft.check();
+        errors.extend(findings.errors);
+        spec.missing = findings.missing;
     }
-    let findings = draft.check();
-    errors.extend(findings.errors);
     SpecErrors::none_or(errors)?;
-    spec.missing = findings.missing;
     Ok(spec)
 }
 
@@ -144,20 +141,16 @@ fn blocks(
     let tables = value.and_then(|value| value.as_array().cloned()).unwrap_or_default();
     let mut had: Vec<String> = Vec::new();
     let mut blocks = Vec::new();
-    for (index, table) in
-        tables.into_iter().enumerate().filter_map(|(index, table)| Some((index, table.as_table()?.clone())))
-    {
-        let start = |way: &[Step]| {
-            let way: Vec<Step> =
-                [Step::Key("matrix".into()), Step::Index(index)].into_iter().chain(way.iter().cloned()).collect();
+    for (index, table) in tables.into_iter().enumerate() {
+        let toml::Value::Table(table) = table else { continue };
+        let start = |key: &str| {
+            let way = [Step::Key("matrix".into()), Step::Index(index), Step::Key(key.into())];
             sources.iter().rev().find_map(|source| source.span(&way)).map_or(0, |span| span.start)
         };
-        let mut lists: Vec<(usize, String, Vec<toml::Value>)> = Vec::new();
-        flatten(&table, &mut Vec::new(), &mut |way, values| {
-            let key =
-                way.iter().map(|step| if let Step::Key(key) = step { key } else { "" }).collect::<Vec<_>>().join(".");
-            lists.push((start(way), key, values.to_vec()));
-        });
+        let mut lists: Vec<_> = table
+            .into_iter()
+            .filter_map(|(key, values)| Some((start(&key), key, values.as_array()?.clone())))
+            .collect();
         lists.sort_by_key(|(start, ..)| *start);
         let mut block = Block::default();
         for (_, key, mut values) in lists {
@@ -181,26 +174,10 @@ fn blocks(
     for axis in axes.iter().filter(|axis| !had.contains(&axis.key)) {
         errors.push(SpecError {
             message: format!("no block of the matrix has the axis `{}`", axis.key),
-            place: match axis.layer.place(0..0) {
-                Place::Layer(name) => Place::Layer(name),
-                place => place,
-            },
+            place: axis.layer.place(0..0),
             label: nearest_label("axis", &axis.key, BLOCK_KEYS.into_iter().chain(had.iter().map(String::as_str))),
             help: None,
         });
     }
     blocks
-}
-
-/// Calls `each` with the way to every list of a block, and the list.
-fn flatten(table: &toml::Table, way: &mut Vec<Step>, each: &mut impl FnMut(&[Step], &[toml::Value])) {
-    for (key, value) in table {
-        way.push(Step::Key(key.clone()));
-        match value {
-            toml::Value::Table(inner) => flatten(inner, way, each),
-            toml::Value::Array(values) => each(way, values),
-            _ => {}
-        }
-        way.pop();
-    }
 }

@@ -21,6 +21,8 @@ pub(super) struct Draft<'a> {
     pub(super) sources: &'a [Source<'a>],
     /// The lists that replace axes.
     pub(super) axes: &'a [AxisList],
+    /// What is wrong with single values, which are left out of `spec`.
+    pub(super) known: &'a [SpecError],
 }
 
 /// What does not go together.
@@ -43,13 +45,14 @@ pub(super) struct Findings {
 impl Draft<'_> {
     /// Everything that does not go together; of several combinations with one fault at one place, the first.
     pub(super) fn check(&self) -> Findings {
-        let mut findings = Findings::default();
+        let mut findings = Findings { errors: self.missing_keys().collect(), missing: Vec::new() };
         let runs = self.spec.matrix.iter().map(Block::size).fold(0, usize::saturating_add);
         if runs > MOST_RUNS {
             let message = format!("the matrix has {runs} runs; {MOST_RUNS} are the most");
             findings.errors.push(self.at_matrix(message));
             return findings;
         }
+        findings.errors.extend(self.hidden_arguments());
         for (block, index) in self.spec.matrix.iter().zip(self.indices) {
             for (env, algorithm, axes) in block.combinations() {
                 match self.spec.resolve(env, algorithm, &axes) {
@@ -62,9 +65,13 @@ impl Draft<'_> {
                         }
                     }
                     Err(error @ ResolveError::NoBudget { .. }) => {
-                        // A budget that is written but wrong has its own message.
-                        let written = self.sources.iter().any(|source| source.mentions("env_steps"));
-                        if !written {
+                        // A budget that is written but wrong, or under another name, has its own message.
+                        let speaks = |text: &String| text.contains("budget") || text.contains("env_steps");
+                        if !self
+                            .known
+                            .iter()
+                            .any(|known| speaks(&known.message) || known.label.as_ref().is_some_and(speaks))
+                        {
                             let mut error = self.at_start(error.to_string());
                             error.label = Some("write `[budget]` and under it `env_steps = ...`".into());
                             add(&mut findings.errors, error);
@@ -78,8 +85,45 @@ impl Draft<'_> {
         findings
     }
 
+    /// Keys that every experiment has, and no layer.
+    fn missing_keys(&self) -> impl Iterator<Item = SpecError> {
+        let keys = [("name", "write `name = \"...\"`"), ("matrix", "write a `[[matrix]]` block")];
+        let missing = |key: &str| !self.sources.iter().any(|source| source.tree.get_ref().contains_key(key));
+        keys.into_iter()
+            .filter(move |(key, _)| missing(key))
+            .map(|(key, how)| SpecError { label: Some(how.into()), ..self.at_start(format!("`{key}` is missing")) })
+    }
+
+    /// Arguments and variables that set what every block varies: the axis would win in silence.
+    fn hidden_arguments(&self) -> Vec<SpecError> {
+        let Some((first, others)) = self.spec.matrix.split_first() else { return Vec::new() };
+        let has = |block: &Block, axis: &str| block.axes.iter().any(|(key, _)| key == axis);
+        let mut errors = Vec::new();
+        for (axis, _) in first.axes.iter().filter(|(axis, _)| others.iter().all(|block| has(block, axis))) {
+            let Some(parameter) = Parameter::find(axis) else { continue };
+            let ways: Vec<Vec<Step>> = match &parameter {
+                Parameter::Setting(key) => vec![steps(key)],
+                _ => Algorithm::names()
+                    .filter_map(|name| {
+                        Some(steps(&format!("algorithms.{name}.{}", parameter.hyperparameter_of(name)?)))
+                    })
+                    .collect(),
+            };
+            let arguments = self.sources.iter().filter(|source| source.layer.path.is_none());
+            for source in arguments.filter(|source| ways.iter().any(|way| source.span(way).is_some())) {
+                errors.push(SpecError {
+                    message: format!("`{axis}` is an axis of the matrix, which wins"),
+                    place: source.layer.place(0..0),
+                    label: Some(format!("`--axis {axis}=...` replaces its list")),
+                    help: None,
+                });
+            }
+        }
+        errors
+    }
+
     /// `message` about the file as a whole.
-    pub(super) fn at_start(&self, message: String) -> SpecError {
+    fn at_start(&self, message: String) -> SpecError {
         let place = match self.sources.iter().rfind(|source| source.layer.path.is_some()) {
             Some(file) => file.layer.place(0..0),
             None => Place::Layer("the specification".into()),
@@ -98,23 +142,12 @@ impl Draft<'_> {
     }
 
     fn locate(&self, conflict: Conflict, index: usize, block: &Block, env: EnvId, algorithm: &str) -> SpecError {
-        let in_block = |key: &str| {
-            let way = [Step::Key("matrix".into()), Step::Index(index)];
-            let quoted: Vec<Step> = way.iter().cloned().chain([Step::Key(key.into())]).collect();
-            let nested: Vec<Step> = way.iter().cloned().chain(steps(key)).collect();
-            match self.axes.iter().find(|axis| axis.key == key) {
-                Some(axis) => Some(axis.layer.place(0..0)),
-                None => self.place(&quoted).or_else(|| self.place(&nested)),
-            }
+        let in_block = |key: &str| match self.axes.iter().find(|axis| axis.key == key) {
+            Some(axis) => Some(axis.layer.place(0..0)),
+            None => self.place(&[Step::Key("matrix".into()), Step::Index(index), Step::Key(key.into())]),
         };
         let written = |parameter: &Parameter| {
-            let same = |key: &str| {
-                Parameter::find(key).is_some_and(|axis| {
-                    axis == *parameter
-                        || axis.hyperparameter_of(algorithm).is_some()
-                            && axis.hyperparameter_of(algorithm) == parameter.hyperparameter_of(algorithm)
-                })
-            };
+            let same = |key: &str| Parameter::find(key).is_some_and(|axis| axis.is(parameter, algorithm));
             let axis = block.axes.iter().find(|(key, _)| same(key)).and_then(|(key, _)| in_block(key));
             axis.or_else(|| {
                 let way = match (parameter, parameter.hyperparameter_of(algorithm)) {
@@ -130,8 +163,7 @@ impl Draft<'_> {
         };
         let place = conflict.parameters.iter().find_map(written).or_else(|| in_block("env"));
         let place = place.unwrap_or_else(|| self.at_start(String::new()).place);
-        let message = format!("{env}, {algorithm}: {}", conflict.message);
-        SpecError { message, place, label: conflict.label, help: conflict.help }
+        SpecError { message: conflict.message, place, label: conflict.label, help: conflict.help }
     }
 }
 
@@ -149,13 +181,14 @@ fn conflicts(env: EnvId, settings: &Settings, algorithm: &Algorithm) -> Vec<Conf
     let budget = settings.budget.env_steps.get();
     let mut conflicts = Vec::new();
     let mut conflict = |message: String, label: &str, parameters: Vec<Parameter>| {
+        let message = format!("{env}, {}: {message}", algorithm.name());
         conflicts.push(Conflict { message, label: Some(label.into()), help: None, parameters });
     };
 
     let sparse = env.sparse_reward();
     if settings.reward != Reward::Dense && mem::discriminant(&settings.reward) != mem::discriminant(&sparse) {
         conflict(
-            "it has no such reward".into(),
+            format!("{} is no reward of this environment", reward_name(&settings.reward)),
             &format!("expected `dense` or {}", reward_name(&sparse)),
             vec![setting("reward")],
         );
@@ -191,7 +224,7 @@ fn missing_demonstration(env: EnvId, settings: &Settings, algorithm: &Algorithm)
         return None;
     }
     Some(Conflict {
-        message: format!("its demonstration {} is not there", settings.demonstrations.display()),
+        message: format!("the demonstration {} of {env} is not there", settings.demonstrations.display()),
         label: Some(format!("needs {}", settings.demonstrations.display())),
         help: Some(format!(
             "`mcpo-run demo collect` or `demo import` writes one; `environments.\"{env}\".demonstrations` names another"

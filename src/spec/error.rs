@@ -95,17 +95,17 @@ impl SpecErrors {
     /// plain ASCII.
     pub fn render(&self, terminal: bool) -> String {
         let theme = if terminal { GraphicalTheme::unicode() } else { GraphicalTheme::none() };
-        let handler = GraphicalReportHandler::new_themed(theme).with_links(false).with_width(100).with_context_lines(0);
+        let handler = GraphicalReportHandler::new_themed(theme).with_links(false).with_width(100);
         let mut text = String::new();
-        for error in &self.0 {
+        for (index, error) in self.0.iter().enumerate() {
             let shown = Shown::new(error);
+            text.push_str(if index > 0 { "\n" } else { "" });
             if handler.render_report(&mut text, &shown).is_err() {
                 text.push_str(&error.to_string());
             }
-            text.push('\n');
         }
         if self.0.len() > 1 {
-            text.push_str(&format!("{} errors; nothing was started\n", self.0.len()));
+            text.push_str(&format!("\n{} errors\n", self.0.len()));
         }
         text
     }
@@ -183,10 +183,7 @@ impl Diagnostic for Shown<'_> {
             Place::File { text, span, .. } => {
                 // A span over several lines would show them all; its first line is enough to find it.
                 let first = text.get(span.clone()).unwrap_or_default().lines().next().unwrap_or_default();
-                let label = LabeledSpan::new_primary_with_span(
-                    Some(self.error.label.clone().unwrap_or_else(|| "here".into())),
-                    (span.start, first.len()),
-                );
+                let label = LabeledSpan::new_primary_with_span(self.error.label.clone(), (span.start, first.len()));
                 Some(Box::new(std::iter::once(label)))
             }
             Place::Layer(_) => None,

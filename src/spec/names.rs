@@ -21,32 +21,48 @@ pub(super) fn list<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     }
 }
 
-/// A message of serde or of a bounded number in plain words, and what to show at the caret.
+/// A message of serde, toml or a bounded number in plain words, and what to show at the caret.
 pub(super) fn plain(message: &str) -> (String, Option<String>) {
     let message = message.lines().next().unwrap_or_default();
-    if let Some((found, expected)) =
-        message.strip_prefix("invalid type: ").and_then(|rest| rest.split_once(", expected "))
+    wrong_type(message)
+        .or_else(|| out_of_range(message))
+        .or_else(|| unknown_name(message))
+        .unwrap_or_else(|| (message.to_owned(), None))
+}
+
+fn wrong_type(message: &str) -> Option<(String, Option<String>)> {
+    let (found, expected) = message.strip_prefix("invalid type: ")?.split_once(", expected ")?;
+    let (found, expected) = (found_in_words(found), type_in_words(expected));
+    let label = match found.strip_suffix(".0") {
+        Some(whole) if expected == "a whole number" => format!("expected a whole number, such as {whole}"),
+        _ => format!("expected {expected}"),
+    };
+    Some((format!("{found} does not belong here"), Some(label)))
+}
+
+fn out_of_range(message: &str) -> Option<(String, Option<String>)> {
+    let (wrong, expected) = message.split_once(" is out of range; expected ")?;
+    Some((format!("{wrong} is out of range"), Some(format!("expected {expected}"))))
+}
+
+fn unknown_name(message: &str) -> Option<(String, Option<String>)> {
+    let (what, wrong, known): (_, _, Vec<&str>) = if let Some(names) =
+        message.strip_prefix("unexpected keys in table: ")
     {
-        return (
-            format!("{} does not belong here", found_in_words(found)),
-            Some(format!("expected {}", type_in_words(expected))),
-        );
-    }
-    if let Some((wrong, expected)) = message.split_once(" is out of range; expected ") {
-        return (format!("{wrong} is out of range"), Some(format!("expected {expected}")));
-    }
-    for what in ["variant", "field"] {
-        if let Some(rest) = message.strip_prefix("unknown ").and_then(|rest| rest.strip_prefix(what)) {
-            // serde writes "`wrong`, expected `a` or `b`": every other piece between backticks is a name.
-            let names: Vec<&str> = rest.split('`').skip(1).step_by(2).collect();
-            if let Some((wrong, known)) = names.split_first() {
-                let (what, title) = if what == "field" { ("key", "key") } else { ("name", "name") };
-                let label = nearest_label(what, wrong, known.iter().copied());
-                return (format!("unknown {title} `{wrong}`; known are {}", list(known.iter().copied())), label);
-            }
-        }
-    }
-    (message.to_owned(), None)
+        let (wrong, known) = names.split_once(", available keys: ")?;
+        ("key", wrong, known.split(", ").collect())
+    } else {
+        let (what, names) = match (message.strip_prefix("unknown variant "), message.strip_prefix("unknown field ")) {
+            (Some(names), _) => ("name", names),
+            (_, names) => ("key", names?),
+        };
+        // "`wrong`, expected `a` or `b`": every other piece between backticks is a name.
+        let names: Vec<&str> = names.split('`').skip(1).step_by(2).collect();
+        let (wrong, known) = names.split_first()?;
+        (what, *wrong, known.to_vec())
+    };
+    let label = nearest_label(what, wrong, known.iter().copied());
+    Some((format!("unknown {what} `{wrong}`; known are {}", list(known)), label))
 }
 
 /// What was found: "string "abc"" as it is, floating point `2.5` as the number 2.5.
@@ -91,6 +107,10 @@ mod tests {
         let (message, label) = plain("invalid type: floating point `2.5`, expected i64");
         assert_eq!(message, "2.5 does not belong here");
         assert_eq!(label.as_deref(), Some("expected a whole number"));
+        let (_, label) = plain("invalid type: floating point `100000.0`, expected i64");
+        assert_eq!(label.as_deref(), Some("expected a whole number, such as 100000"));
+        let (_, label) = plain("unexpected keys in table: distanc, available keys: distance, mode");
+        assert_eq!(label.as_deref(), Some("the nearest known key is `distance`"));
         let (message, label) = plain("-1 is out of range; expected a finite number above 0");
         assert_eq!(
             (message.as_str(), label.as_deref()),

@@ -59,6 +59,14 @@ impl Parameter {
         }
     }
 
+    /// Whether it is the same as `other` in runs of `algorithm`.
+    pub(crate) fn is(&self, other: &Self, algorithm: &str) -> bool {
+        match (self.hyperparameter_of(algorithm), other.hyperparameter_of(algorithm)) {
+            (Some(own), Some(others)) => own == others,
+            _ => self == other,
+        }
+    }
+
     /// Whether runs of `algorithm` have it.
     pub(crate) fn applies_to(&self, algorithm: &str) -> bool {
         matches!(self, Self::Setting(_)) || self.hyperparameter_of(algorithm).is_some()

@@ -2,7 +2,7 @@
 
 use std::{
     fs,
-    io::Read,
+    io::{self, Read},
     ops::Range,
     path::{Path, PathBuf},
     sync::Arc,
@@ -63,6 +63,10 @@ impl Layer {
         let errors = errors.into_iter().map(|error| {
             let span = error.span().unwrap_or(0..0);
             let (message, label) = match error.message().split_once(", expected ") {
+                // What toml says of `key =` with nothing behind it.
+                Some(_) if span.is_empty() && error.message().starts_with("string values must be quoted") => {
+                    ("a value is missing".to_owned(), Some("expected a value".to_owned()))
+                }
                 Some((message, expected)) => (message.to_owned(), Some(format!("expected {expected}"))),
                 None => (error.message().to_owned(), None),
             };
@@ -116,16 +120,6 @@ impl Source<'_> {
             environments.iter().find(|(name, _)| name.get_ref().parse::<EnvId>().is_ok_and(|known| known == env))?;
         let whole = [Step::Key("environments".into()), Step::Key(name.get_ref().to_string())];
         self.span(&whole.into_iter().chain(way.iter().cloned()).collect::<Vec<_>>())
-    }
-
-    /// Whether `key` is written anywhere in it.
-    pub(super) fn mentions(&self, key: &str) -> bool {
-        fn in_table(table: &DeTable<'_>, wanted: &str) -> bool {
-            table.iter().any(|(key, value)| {
-                key.get_ref() == wanted || value.get_ref().as_table().is_some_and(|inner| in_table(inner, wanted))
-            })
-        }
-        in_table(self.tree.get_ref(), key)
     }
 }
 
@@ -185,7 +179,10 @@ fn extended(layer: &Layer) -> Option<(PathBuf, Range<usize>)> {
 
 fn read(path: &Path) -> Result<String, String> {
     let mut text = String::new();
-    let file = fs::File::open(path).map_err(|error| format!("cannot open it: {error}"))?;
+    let file = fs::File::open(path).map_err(|error| match error.kind() {
+        io::ErrorKind::NotFound => "there is no such file".to_owned(),
+        _ => format!("cannot open it: {error}"),
+    })?;
     match file.take(LONGEST + 1).read_to_string(&mut text) {
         Err(error) => Err(format!("cannot read it: {error}")),
         Ok(length) if length as u64 > LONGEST => Err(format!("it is longer than {LONGEST} bytes")),

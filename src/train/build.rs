@@ -2,7 +2,10 @@
 
 use super::TrainError;
 use crate::{
-    algo::{Agent, OnPolicy, mcpo::Mcpo, ppo::Ppo},
+    algo::{
+        Agent, OnPolicy, cloning, gail::gail, mcpo::Mcpo, mmd_il::MmdIl, penalty::Penalty, pofd::pofd, ppo::Ppo,
+        pretraining, trpo::Trpo,
+    },
     demo::Demonstration,
     env::{EnvError, Spaces, Task},
     nn::{GaussianPolicy, Mlp, Normalizer},
@@ -29,16 +32,39 @@ pub fn agent(spec: &RunSpec, spaces: Spaces) -> Agent {
     Agent { policy, value, normalizer: Normalizer::new(spaces.observation_dim, spec.network.observation_clip.get()) }
 }
 
-/// The run's algorithm, before its first update.
+/// What a run does.
+pub enum Learner {
+    /// Learns from its own rollouts.
+    OnPolicy(Box<dyn OnPolicy>),
+    /// Learned from the demonstration alone, and takes no step of its own.
+    Offline(Agent),
+    /// Learns nothing: uniform actions.
+    Uniform,
+}
+
+/// The run's algorithm, before its first rollout.
 ///
-/// Errors: the demonstration is missing or does not fit.
-pub fn algorithm(spec: &RunSpec, agent: Agent) -> Result<Box<dyn OnPolicy>, TrainError> {
-    Ok(match &spec.algorithm {
-        Algorithm::Ppo(hyperparameters) => Box::new(Ppo::new(hyperparameters.clone(), agent)),
-        Algorithm::Mcpo(hyperparameters) => {
-            Box::new(Mcpo::new(hyperparameters.clone(), agent, &demonstration(spec)?, spec.seed))
-        }
-    })
+/// Errors: the demonstration is missing or does not fit, or behaviour cloning diverged.
+pub fn learner(spec: &RunSpec) -> Result<Learner, TrainError> {
+    let agent = agent(spec, Task::new(spec.env, spec.reward, spec.max_steps)?.spaces());
+    let cloned = |hyperparameters: &cloning::Hyperparameters, agent| {
+        let mut rng = spec.seed.stream(Stream::Pretraining, 0);
+        pretraining::pretrained(hyperparameters, agent, &demonstration(spec)?, &mut rng)
+            .map_err(|source| TrainError::Algo { iteration: 0, source })
+    };
+    let on_policy: Box<dyn OnPolicy> = match spec.algorithm.clone() {
+        Algorithm::Mcpo(h) => Box::new(Mcpo::new(h, agent, &demonstration(spec)?, spec.seed)),
+        Algorithm::Ppo(h) | Algorithm::Expert(h) => Box::new(Ppo::new(h, agent)),
+        Algorithm::Pretraining(h) => Box::new(Ppo::new(h.ppo, cloned(&h.cloning, agent)?)),
+        Algorithm::Pofd(h) => Box::new(pofd(h, agent, &demonstration(spec)?, spec.seed)),
+        Algorithm::MmdIl(h) => Box::new(MmdIl::new(h, agent, &demonstration(spec)?, spec.seed)),
+        Algorithm::Trpo(h) => Box::new(Trpo::new(h, agent)),
+        Algorithm::Gail(h) => Box::new(gail(h, agent, &demonstration(spec)?, spec.seed)),
+        Algorithm::Penalty(h) => Box::new(Penalty::new(h, agent, &demonstration(spec)?, spec.seed)),
+        Algorithm::Bc(h) => return Ok(Learner::Offline(cloned(&h, agent)?)),
+        Algorithm::Random(_) => return Ok(Learner::Uniform),
+    };
+    Ok(Learner::OnPolicy(on_policy))
 }
 
 /// The run's demonstration, checked against its environment.

@@ -5,10 +5,13 @@
 
 pub mod build;
 pub mod evaluate;
+mod offline;
 mod on_policy;
 pub mod rollout;
 
 use serde::{Deserialize, Serialize};
+
+use build::Learner;
 
 use crate::{
     algo::{Agent, AlgoError, Update},
@@ -126,5 +129,9 @@ pub enum Ending {
 ///
 /// Errors: the demonstration or a checkpoint cannot be used, training diverged, or the sink failed.
 pub fn run(spec: &RunSpec, checkpoint: Option<&[u8]>, sink: &mut dyn RunSink) -> Result<Ending, TrainError> {
-    on_policy::run(spec, checkpoint, sink)
+    match build::learner(spec)? {
+        Learner::OnPolicy(algorithm) => on_policy::run(spec, algorithm, checkpoint, sink),
+        Learner::Offline(agent) => offline::run(spec, Some(&agent), sink),
+        Learner::Uniform => offline::run(spec, None, sink),
+    }
 }

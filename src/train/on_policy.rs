@@ -5,7 +5,8 @@ use std::time::Instant;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Ending, EvaluationEpisode, Flow, Iteration, RunSink, TrainError, build, evaluate,
+    Ending, Flow, Iteration, RunSink, TrainError, build,
+    evaluate::{self, Actor},
     rollout::{Episode, Rollout, RolloutState},
 };
 use crate::{
@@ -40,9 +41,14 @@ struct Saved {
     rollout: RolloutState,
 }
 
-/// Trains `spec` from its start or from `checkpoint`.
-pub fn run(spec: &RunSpec, checkpoint: Option<&[u8]>, sink: &mut dyn RunSink) -> Result<Ending, TrainError> {
-    let mut training = Training::new(spec)?;
+/// Trains `algorithm` on `spec` from its start or from `checkpoint`.
+pub fn run(
+    spec: &RunSpec,
+    algorithm: Box<dyn OnPolicy>,
+    checkpoint: Option<&[u8]>,
+    sink: &mut dyn RunSink,
+) -> Result<Ending, TrainError> {
+    let mut training = Training::new(spec, algorithm)?;
     match checkpoint {
         Some(bytes) => training.restore(bytes)?,
         None => training.evaluate(sink, false)?,
@@ -58,14 +64,12 @@ pub fn run(spec: &RunSpec, checkpoint: Option<&[u8]>, sink: &mut dyn RunSink) ->
 }
 
 impl<'a> Training<'a> {
-    fn new(spec: &'a RunSpec) -> Result<Self, TrainError> {
+    fn new(spec: &'a RunSpec, algorithm: Box<dyn OnPolicy>) -> Result<Self, TrainError> {
         let environments = spec.rollout.environments.size();
-        let tasks = build::tasks(spec, environments)?;
-        let agent = build::agent(spec, tasks[0].spaces());
         Ok(Self {
             spec,
-            algorithm: build::algorithm(spec, agent)?,
-            rollout: Rollout::new(tasks, spec.seed),
+            algorithm,
+            rollout: Rollout::new(build::tasks(spec, environments)?, spec.seed),
             evaluation_tasks: build::tasks(spec, environments)?,
             progress: Progress {
                 iteration: 0,
@@ -129,22 +133,10 @@ impl<'a> Training<'a> {
         let count = if last { evaluation.final_episodes } else { evaluation.episodes }.get();
         let index = self.progress.evaluations;
         self.progress.evaluations += 1;
-        // The n-th evaluation of a run has its own initial states; the same in every run of this seed.
-        let starts =
-            (0..count as u32).map(|episode| self.spec.seed.stream(Stream::Evaluation, index << 16 | episode)).collect();
-        let episodes = evaluate::episodes(self.algorithm.agent(), &mut self.evaluation_tasks, starts)?;
-        let rows: Vec<EvaluationEpisode> = (0..)
-            .zip(&episodes)
-            .map(|(episode, played)| EvaluationEpisode {
-                env_steps: self.progress.env_steps,
-                last,
-                episode,
-                dense_return: played.dense_return,
-                training_return: played.training_return,
-                length: played.length,
-            })
-            .collect();
-        Ok(sink.evaluation(&rows)?)
+        let actor = &mut Actor::MeanAction(self.algorithm.agent());
+        let (seed, env_steps) = (self.spec.seed, self.progress.env_steps);
+        let episodes = evaluate::evaluation(actor, &mut self.evaluation_tasks, seed, index, env_steps, count, last)?;
+        Ok(sink.evaluation(&episodes)?)
     }
 
     fn save(&self) -> Vec<u8> {

@@ -1,18 +1,20 @@
 //! The check of one layer, key by key: what each value is alone. How they go together is `cross`'s.
 
-use std::{ops::Range, path::Path};
+mod matrix;
+mod shown;
+
+use std::{borrow::Cow, ops::Range};
 
 use toml::{
     Spanned,
-    de::{DeArray, DeTable, DeValue},
+    de::{DeTable, DeValue},
 };
 
 use super::{
-    Algorithm, Parameter, Selection,
+    Algorithm, Parameter,
     catalog::{Catalog, Section},
     error::SpecError,
-    figure,
-    names::{list, nearest_label},
+    names::nearest_label,
     source::{AxisList, Layer, Source, Step, plain_value},
 };
 use crate::env::{EnvError, EnvId};
@@ -207,7 +209,7 @@ impl<'a> Checker<'a> {
 
     fn unknown_key<'k>(
         &mut self,
-        key: &Spanned<std::borrow::Cow<'_, str>>,
+        key: &Spanned<Cow<'_, str>>,
         whose: &str,
         known: impl Iterator<Item = &'k str> + Clone,
     ) {
@@ -290,291 +292,12 @@ impl<'a> Checker<'a> {
             });
         }
     }
-
-    fn block(&mut self, block: &DeTable<'_>, span: Range<usize>) {
-        for key in BLOCK_KEYS.into_iter().filter(|key| !block.contains_key(*key)) {
-            self.note(span.clone(), format!("this block has no `{key}`"), Some(format!("write `{key} = [...]`")));
-        }
-        let algorithms = self.algorithms_of(block);
-        let mut axes: Vec<(Parameter, &str)> = Vec::new();
-        let entries = flatten(block);
-        for entry in &entries {
-            let length = self.way.len();
-            self.way.extend(entry.way.iter().cloned());
-            match self.axes.iter().find(|axis| axis.key == entry.key) {
-                // The argument takes the place of the file's list, and the blame.
-                Some(axis) => {
-                    let (source, _) = axis.layer.parse();
-                    let replaced = source.tree.get_ref().get(axis.key.as_str());
-                    if let Some(value) = replaced {
-                        let layer = std::mem::replace(&mut self.layer, &axis.layer);
-                        self.axis(&entry.key, entry.span.clone(), value, &algorithms);
-                        self.layer = layer;
-                    }
-                }
-                None => self.axis(&entry.key, entry.span.clone(), entry.value, &algorithms),
-            }
-            if let Some(parameter) = Parameter::find(&entry.key) {
-                let same = |(other, _): &&(Parameter, &str)| {
-                    algorithms.iter().any(|algorithm| {
-                        parameter.hyperparameter_of(algorithm).is_some()
-                            && parameter.hyperparameter_of(algorithm) == other.hyperparameter_of(algorithm)
-                    })
-                };
-                if let Some((_, other)) = axes.iter().find(same) {
-                    let message = format!("the axes `{other}` and `{}` are the same", entry.key);
-                    self.wrong(entry.span.clone(), message, None);
-                }
-                axes.push((parameter, &entry.key));
-            }
-            self.way.truncate(length);
-        }
-    }
-
-    /// The known algorithms of a block, for the check of its axes.
-    fn algorithms_of(&self, block: &DeTable<'_>) -> Vec<&'static str> {
-        let replaced = self.axes.iter().find(|axis| axis.key == "algorithm").map(|axis| axis.layer.parse().0);
-        let value = match &replaced {
-            Some(source) => source.tree.get_ref().get("algorithm"),
-            None => block.get("algorithm"),
-        };
-        let names: Vec<&str> = value
-            .and_then(|value| value.get_ref().as_array())
-            .into_iter()
-            .flatten()
-            .filter_map(|name| name.get_ref().as_str())
-            .collect();
-        Algorithm::names().filter(|name| names.contains(name)).collect()
-    }
-
-    /// One list of a block.
-    fn axis(&mut self, key: &str, span: Range<usize>, value: &Value<'_>, algorithms: &[&str]) {
-        let parameter = Parameter::find(key);
-        if !BLOCK_KEYS.contains(&key) {
-            let names = Parameter::names();
-            let had = |name: &&str| {
-                Parameter::find(name)
-                    .is_some_and(|known| algorithms.iter().any(|algorithm| known.applies_to(algorithm)))
-            };
-            match &parameter {
-                None => {
-                    let known = BLOCK_KEYS.into_iter().chain(names.iter().map(String::as_str));
-                    let label = nearest_label("axis", key, known);
-                    return self.wrong(span, format!("unknown axis `{key}`"), label);
-                }
-                Some(parameter)
-                    if !algorithms.is_empty() && !algorithms.iter().any(|name| parameter.applies_to(name)) =>
-                {
-                    let label =
-                        nearest_label("axis of these algorithms", key, names.iter().map(String::as_str).filter(had));
-                    let message =
-                        format!("no algorithm of this block has `{key}`: it runs {}", list(algorithms.iter().copied()));
-                    return self.wrong(span, message, label);
-                }
-                Some(_) => {}
-            }
-        }
-        let Some(elements) = value.get_ref().as_array() else {
-            return self.wrong_type(value, &format!("the axis `{key}`"), "a list, such as `[...]` with one value");
-        };
-        if elements.is_empty() {
-            return self.wrong(value.span(), format!("the list of `{key}` is empty, so there is nothing to run"), None);
-        }
-        self.elements(key, elements, |this, element| match (key, &parameter) {
-            ("seed", _) => this.seed(element),
-            ("env", _) => match element.get_ref().as_str() {
-                Some(name) => this.environment(name, element.span()).map(|env| env.to_string()),
-                None => {
-                    this.wrong_type(element, "an environment", "its name, a string");
-                    None
-                }
-            },
-            ("algorithm", _) => match element.get_ref().as_str() {
-                Some(name) if Catalog::get().algorithm(name).is_some() => Some(name.into()),
-                Some(name) => {
-                    this.unknown_algorithm(name, element.span());
-                    None
-                }
-                None => {
-                    this.wrong_type(element, "an algorithm", "its name, a string");
-                    None
-                }
-            },
-            (_, Some(parameter)) => this.parameter(key, parameter, algorithms, element),
-            (_, None) => None,
-        });
-    }
-
-    /// Checks each of `elements` with `check`, which gives what it means, and that none means the same as another.
-    fn elements(
-        &mut self,
-        key: &str,
-        elements: &DeArray<'_>,
-        mut check: impl FnMut(&mut Self, &Value<'_>) -> Option<String>,
-    ) {
-        let mut seen: Vec<String> = Vec::new();
-        for (index, element) in elements.iter().enumerate() {
-            self.within(Step::Index(index), |this| {
-                let Some(meaning) = check(this, element) else { return };
-                if seen.contains(&meaning) {
-                    this.wrong(element.span(), format!("`{key}` lists {meaning} twice"), None);
-                }
-                seen.push(meaning);
-            });
-        }
-    }
-
-    fn seed(&mut self, element: &Value<'_>) -> Option<String> {
-        match plain_value(element) {
-            Some(toml::Value::Integer(seed)) if seed >= 0 => Some(seed.to_string()),
-            Some(toml::Value::Integer(seed)) => {
-                self.wrong(
-                    element.span(),
-                    format!("the seed {seed} is out of range"),
-                    Some("expected a whole number, 0 or above".into()),
-                );
-                None
-            }
-            _ => {
-                self.wrong_type(element, "a seed", "a whole number, 0 or above");
-                None
-            }
-        }
-    }
-
-    /// One value of an axis, for every algorithm of the block that has it.
-    fn parameter(
-        &mut self,
-        name: &str,
-        parameter: &Parameter,
-        algorithms: &[&str],
-        element: &Value<'_>,
-    ) -> Option<String> {
-        let catalog = Catalog::get();
-        let places: Vec<(&Section, &str)> = match parameter {
-            Parameter::Setting(key) => vec![(&catalog.settings, key.as_str())],
-            _ => algorithms
-                .iter()
-                .filter_map(|algorithm| Some((catalog.algorithm(algorithm)?, parameter.hyperparameter_of(algorithm)?)))
-                .collect(),
-        };
-        for (section, key) in places {
-            let path: Vec<&str> = key.split('.').collect();
-            if let Err(refusal) = section.check(&path, element) {
-                self.wrong(refusal.span, format!("`{name}`: {}", refusal.message), refusal.label);
-                return None;
-            }
-        }
-        // 1 and 1.0 are one value where a number is expected.
-        plain_value(element).map(|value| match value.as_float() {
-            Some(float) => float.to_string(),
-            None => value.to_string(),
-        })
-    }
-
-    fn figures_or_tables(&mut self, value: &Value<'_>, key: &str, what: &str, section: &Section) {
-        self.tables(value, key, |this, table, span| {
-            for required in section.required().filter(|key| !table.contains_key(*key)) {
-                this.note(span.clone(), format!("this {what} has no `{required}`"), None);
-            }
-            for (key, value) in table {
-                let text = key.get_ref().as_ref();
-                this.key(text, |this| {
-                    if section.schema(&[text]).is_none() {
-                        let known: Vec<&str> = section.keys(&[]).into_iter().flatten().collect();
-                        return this.unknown_key(key, &format!(" of a {what}"), known.into_iter());
-                    }
-                    let before = this.errors.len();
-                    this.section(section, &[text], value);
-                    if this.errors.len() == before {
-                        this.shown(text, value);
-                    }
-                });
-            }
-        });
-        let names = value.get_ref().as_array().into_iter().flatten().filter_map(|table| table.get_ref().get("name"));
-        let mut seen: Vec<&str> = Vec::new();
-        for name in names {
-            let text = name.get_ref().as_str().unwrap_or_default();
-            if seen.contains(&text) {
-                self.note(name.span(), format!("two {key} are called `{text}`"), None);
-            }
-            seen.push(text);
-        }
-    }
-
-    /// A value of a figure or table that has the right type.
-    fn shown(&mut self, key: &str, value: &Value<'_>) {
-        let one = value.get_ref().as_str();
-        let many = value.get_ref().as_array().into_iter().flatten();
-        match key {
-            "name" => self.name(value),
-            "series" | "rows" => many.for_each(|element| self.dimension(element)),
-            "columns" => self.dimension(value),
-            "y" => self.known("y", value, &figure::columns()),
-            "reference" => self.known("reference", value, &figure::REFERENCES),
-            "only" => {
-                if let Some(Err(error)) = one.map(Selection::parse) {
-                    self.wrong(value.span(), error.to_string(), None);
-                }
-            }
-            _ => {}
-        }
-    }
-
-    /// What runs can be told apart by.
-    fn dimension(&mut self, value: &Value<'_>) {
-        let names = Parameter::names();
-        let known: Vec<&str> = BLOCK_KEYS.into_iter().chain(names.iter().map(String::as_str)).collect();
-        self.known("axis", value, &known);
-    }
-
-    fn known(&mut self, what: &str, value: &Value<'_>, known: &[&str]) {
-        if let Some(name) = value.get_ref().as_str().filter(|name| !known.contains(name)) {
-            self.wrong(
-                value.span(),
-                format!("unknown {what} `{name}`"),
-                nearest_label(what, name, known.iter().copied()),
-            );
-        }
-    }
-}
-
-/// One list of a block; `mcpo.d = [...]` and `"mcpo.d" = [...]` are the same.
-struct Entry<'v, 'a> {
-    key: String,
-    span: Range<usize>,
-    way: Vec<Step>,
-    value: &'v Value<'a>,
-}
-
-/// The lists of `block` in the file's order.
-fn flatten<'v, 'a>(block: &'v DeTable<'a>) -> Vec<Entry<'v, 'a>> {
-    let mut entries = Vec::new();
-    for (key, value) in block {
-        let step = Step::Key(key.get_ref().to_string());
-        match value.get_ref() {
-            DeValue::Table(inner) if !inner.is_empty() => {
-                entries.extend(flatten(inner).into_iter().map(|entry| Entry {
-                    key: format!("{}.{}", key.get_ref(), entry.key),
-                    way: std::iter::once(step.clone()).chain(entry.way).collect(),
-                    ..entry
-                }))
-            }
-            _ => entries.push(Entry { key: key.get_ref().to_string(), span: key.span(), way: vec![step], value }),
-        }
-    }
-    entries.sort_by_key(|entry| entry.span.start);
-    entries
 }
 
 /// Whether `name` can be the name of a file or folder anywhere.
 pub(super) fn is_file_name(name: &str) -> bool {
     let safe = |c: char| c.is_ascii_alphanumeric() || "._-".contains(c);
-    (1..=100).contains(&name.len())
-        && !name.starts_with('.')
-        && name.chars().all(safe)
-        && Path::new(name).file_name().is_some()
+    (1..=100).contains(&name.len()) && !name.starts_with('.') && name.chars().all(safe)
 }
 
 fn article(kind: &str) -> String {
