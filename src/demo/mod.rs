@@ -3,6 +3,7 @@
 //! Owns the Parquet format, import, verification by re-simulation, the Gaussian kernel and the MMD. Knows nothing of
 //! networks or updates. Start at [`Demonstration`] and [`mmd`].
 
+pub mod import;
 mod kernel;
 pub mod mmd;
 mod pairs;

@@ -55,7 +55,7 @@ impl Values {
     }
 
     /// How many there are.
-    pub(super) fn len(&self) -> usize {
+    pub(in crate::demo) fn len(&self) -> usize {
         match self {
             Self::Bool(values) => values.len(),
             Self::I32(values) => values.len(),

@@ -73,17 +73,18 @@ impl Table {
     pub(in crate::demo) fn lists(&self, name: &str) -> Result<DMatrix<f64>, String> {
         let expected = "a list of f64";
         let (values, lengths) = self.column(name, 1, expected)?;
-        let width = lengths.first().copied().unwrap_or(0);
-        if let Some(row) = lengths.iter().position(|&length| length != width) {
-            return Err(format!(
-                "its column `{name}` has {} numbers in row {row} and {width} before; all rows need as many",
-                lengths[row]
-            ));
-        }
+        let width = equal_lengths(name, &lengths)?.unwrap_or(0);
         match values {
             Values::F64(values) => Ok(DMatrix::from_vec(width, lengths.len(), values)),
             other => Err(wrong_type(name, &format!("a list of {}", other.name()), expected)),
         }
+    }
+
+    /// The values of column `name`, lists or single ones, and how many a row has.
+    pub(in crate::demo) fn values(&self, name: &str) -> Result<(Values, usize), String> {
+        let lists = self.footer.leaves.iter().any(|leaf| leaf.column == name && leaf.max_repetition == 1);
+        let (values, lengths) = self.column(name, u32::from(lists), "numbers or lists of numbers")?;
+        Ok((values, equal_lengths(name, &lengths)?.unwrap_or(1)))
     }
 
     /// The values of column `name`, which must have one a row.
@@ -122,6 +123,18 @@ impl Table {
             return Err(format!("its column `{name}` has {rows} of {} rows", self.footer.rows));
         }
         Ok((values, lengths))
+    }
+}
+
+/// The length that all rows of column `name` have; absent where there are none.
+fn equal_lengths(name: &str, lengths: &[usize]) -> Result<Option<usize>, String> {
+    let Some(&width) = lengths.first() else { return Ok(None) };
+    match lengths.iter().position(|&length| length != width) {
+        None => Ok(Some(width)),
+        Some(row) => Err(format!(
+            "its column `{name}` has {} numbers in row {row} and {width} before; all rows need as many",
+            lengths[row]
+        )),
     }
 }
 
