@@ -5,7 +5,8 @@ set -u
 
 here=$(cd "$(dirname "$0")" && pwd)
 stamp=$(cksum <"$here/requirements.txt")
-if [ -f "$here/fetched" ] && [ "$(cat "$here/fetched")" = "$stamp" ]; then
+if [ -e "$here/mujoco/libmujoco.so" ] && [ -d "$here/models" ] &&
+    [ -f "$here/fetched" ] && [ "$(cat "$here/fetched")" = "$stamp" ]; then
     exit 0
 fi
 

@@ -1,11 +1,36 @@
 //! MCPO: policy optimisation under a mimicry constraint (appendix, section C).
+//!
+//! ```text
+//! maximise E_pi_k[(pi/pi_k) A]   subject to   D(pi) <= d_k   and   KL(pi_k || pi) <= delta
+//! ```
+//!
+//! Owns one iteration of it: linearise (Eq. 5), solve the dual (Eq. 6 to 12, with Eq. 11 corrected in
+//! [`solver::dual`](crate::solver::dual)), search along the step, recover by Eq. (13) where the constraint is out of reach,
+//! and anneal the tolerance, `d_k+1 = d_k (1 + epsilon)`. Knows nothing of how D is measured: that is [`mimicry`]. Start at
+//! [`Mcpo::update`].
+//!
+//! What the appendix leaves open, and what is done here: `c = d_k - D(theta_k)`; D is MMD^2; the line search halves the step
+//! until the real KL, the real surrogate and the real D agree with it; advantages are not normalised; the value network is
+//! fitted after the policy's step, so that advantages come from a network that has not seen the batch.
 
+use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
-use super::mimicry;
+use super::{
+    Agent, AlgoError, Batch, OnPolicy, Update,
+    critic::{self, Critic},
+    finite, gae, mimicry,
+    mimicry::{Costs, Measured, Mimicry, Samples},
+    stopwatch::Stopwatch,
+    trust_region::{self, GAIN_SHARE, KL_MARGIN, Surrogate, Trial},
+};
 use crate::{
+    demo::Demonstration,
     env::EnvId,
+    nn::{Fisher, GaussianPolicy, Pass},
     quantity::{Count, Discount, NonNegative, Positive, UnitInterval, constant},
+    rng::{Rng, Seed},
+    solver::{LinearConstraint, Step, conjugate_gradient::Limits, constrained_step, dual::DualSolution},
 };
 
 /// MCPO's hyperparameters; the defaults are the paper's Tables 1 and 2.
@@ -39,7 +64,7 @@ pub struct Hyperparameters {
     pub value_epochs: Count,
     /// Samples in a minibatch of the value network.
     pub minibatch: Count,
-    /// Halvings of the step that the line search tries.
+    /// Steps that the line search tries, each half the one before.
     pub line_search_steps: Count,
     /// Adam steps of one recovery, at most (`samples = "demo_states"`).
     pub recovery_steps: Count,
@@ -76,6 +101,368 @@ impl Hyperparameters {
             line_search_steps: constant(10),
             recovery_steps: constant(500),
             recovery_learning_rate: constant(1e-3),
+        }
+    }
+
+    fn cg_limits(&self) -> Limits {
+        Limits { iterations: self.cg_iterations.size(), relative_residual: 1e-10 }
+    }
+
+    fn critic_fit(&self) -> critic::Fit {
+        critic::Fit {
+            epochs: self.value_epochs.size(),
+            minibatch: self.minibatch.size(),
+            learning_rate: self.learning_rate.get(),
+            l2_penalty: self.l2_penalty.get(),
+        }
+    }
+}
+
+/// MCPO.
+pub struct Mcpo {
+    hyperparameters: Hyperparameters,
+    mimicry: Mimicry,
+    state: State,
+    pass: Pass,
+    trial_pass: Pass,
+}
+
+#[derive(Serialize, Deserialize)]
+struct State {
+    agent: Agent,
+    critic: Critic,
+    /// d_k.
+    tolerance: f64,
+}
+
+/// What one iteration did to the policy, for the record.
+#[derive(Default)]
+struct Outcome {
+    kl: f64,
+    gain: f64,
+    mmd_after: f64,
+    step_fraction: f64,
+    recovery_steps: Option<u64>,
+}
+
+impl Mcpo {
+    /// MCPO from `agent` on, near `demonstration`.
+    pub fn new(hyperparameters: Hyperparameters, agent: Agent, demonstration: &Demonstration, seed: Seed) -> Self {
+        let mimicry = Mimicry::new(hyperparameters.mmd.clone(), demonstration, agent.hidden(), seed);
+        let critic = Critic::new(&agent.value);
+        let tolerance = hyperparameters.d.get();
+        Self {
+            hyperparameters,
+            mimicry,
+            state: State { agent, critic, tolerance },
+            pass: Pass::default(),
+            trial_pass: Pass::default(),
+        }
+    }
+}
+
+impl OnPolicy for Mcpo {
+    fn agent(&self) -> &Agent {
+        &self.state.agent
+    }
+
+    fn agent_mut(&mut self) -> &mut Agent {
+        &mut self.state.agent
+    }
+
+    fn update(&mut self, batch: &Batch, rng: &mut Rng) -> Result<Update, AlgoError> {
+        let Self { hyperparameters, mimicry, state: State { agent, critic, tolerance }, pass, trial_pass } = self;
+        let mut watch = Stopwatch::start();
+        let (discount, lambda) = (hyperparameters.discount.get(), hyperparameters.gae_lambda.get());
+        let estimate = gae::estimate(batch, &batch.rewards, &agent.value, discount, lambda, trial_pass);
+        watch.lap("advantages");
+
+        // g is the gradient of the loss, the surrogate's with the other sign; b and D are the constraint's.
+        let surrogate = Surrogate::new(&agent.policy, batch, &estimate.advantages, pass);
+        let mut g = surrogate.gradient(&agent.policy, pass);
+        g.iter_mut().for_each(|g| *g = -*g);
+        watch.lap("gradient");
+        let costs = Costs { discount, lambda, fit: hyperparameters.critic_fit() };
+        let measured = mimicry.measure(agent, batch, &surrogate, pass, &costs, rng)?;
+        let slack = *tolerance - measured.mmd;
+        watch.lap("mimicry");
+
+        // Eq. (5) to (12).
+        let mut fisher = Fisher::new(&agent.policy, &batch.observations, pass, hyperparameters.damping.get());
+        let constraint = LinearConstraint { gradient: &measured.gradient, slack };
+        let solved = constrained_step(
+            &mut fisher,
+            &g,
+            Some(constraint),
+            hyperparameters.max_kl.get(),
+            hyperparameters.cg_limits(),
+        );
+        watch.lap("conjugate gradient");
+
+        let iteration =
+            Iteration { hyperparameters, surrogate: &surrogate, measured: &measured, tolerance: *tolerance };
+        let outcome = match (&solved.step, solved.solution) {
+            (
+                Some(step),
+                DualSolution::Inactive { .. } | DualSolution::Active { .. } | DualSolution::DegenerateB { .. },
+            ) => iteration.search(&mut agent.policy, step, Some(-solved.objective_change), mimicry, trial_pass),
+            (Some(_), DualSolution::DegenerateG { .. }) if slack >= 0.0 => iteration.stay(),
+            (Some(step), _) => iteration.search(&mut agent.policy, step, None, mimicry, trial_pass),
+            (None, DualSolution::Infeasible) => {
+                iteration.recover(agent, mimicry, &batch.observations, pass, trial_pass)?
+            }
+            (None, _) => return Err(AlgoError::Undefined { q: solved.q, r: solved.r, s: solved.s }),
+        };
+        watch.lap("line search and recovery");
+
+        let value_loss =
+            critic.fit(&mut agent.value, &batch.observations, &estimate.returns, hyperparameters.critic_fit(), rng)?;
+        watch.lap("value");
+
+        let d = *tolerance;
+        *tolerance =
+            (d * (1.0 + hyperparameters.epsilon.get())).min(hyperparameters.max_d.map_or(f64::INFINITY, Positive::get));
+        let multipliers = solved.solution.multipliers();
+        Ok(Update {
+            kl: Some(finite("the KL", outcome.kl)?),
+            entropy: Some(agent.policy.entropy()),
+            surrogate_gain: Some(finite("the surrogate's gain", outcome.gain)?),
+            value_loss: Some(value_loss),
+            mmd: Some(measured.mmd),
+            mmd_after: Some(finite("D", outcome.mmd_after)?),
+            d: Some(d),
+            case: Some(solved.solution.name().to_owned()),
+            lambda: multipliers.map(|(lambda, _)| lambda),
+            nu: multipliers.map(|(_, nu)| nu),
+            step_fraction: Some(outcome.step_fraction),
+            cg_iterations: Some(solved.products as u64),
+            recovery_steps: outcome.recovery_steps,
+            seconds: watch.laps(),
+            ..Update::default()
+        })
+    }
+
+    fn save(&self) -> Vec<u8> {
+        super::to_bytes(&(&self.state, self.mimicry.save()))
+    }
+
+    fn restore(&mut self, state: &[u8]) -> Result<(), AlgoError> {
+        let (state, mimicry): (State, Vec<u8>) = super::from_bytes("mcpo", state)?;
+        self.mimicry.restore(&mimicry)?;
+        self.state = state;
+        Ok(())
+    }
+}
+
+/// What the parts of one iteration's step share.
+struct Iteration<'a> {
+    hyperparameters: &'a Hyperparameters,
+    surrogate: &'a Surrogate<'a>,
+    measured: &'a Measured,
+    /// d_k.
+    tolerance: f64,
+}
+
+impl Iteration<'_> {
+    /// Nothing to gain and nothing to mend: the policy stays.
+    fn stay(&self) -> Outcome {
+        Outcome { mmd_after: self.measured.mmd, ..Outcome::default() }
+    }
+
+    /// Moves `policy` along `step` as far as the real KL, D and surrogate allow: the KL stays within `max_kl`, D within the
+    /// tolerance or, where it was beyond, below what it was. `promised` is the gain that the linear model sees in the whole
+    /// step; where the step is to restore the constraint, nothing is promised and the surrogate may fall.
+    fn search(
+        &self,
+        policy: &mut GaussianPolicy,
+        step: &Step,
+        promised: Option<f64>,
+        mimicry: &mut Mimicry,
+        pass: &mut Pass,
+    ) -> Outcome {
+        let max_kl = KL_MARGIN * self.hyperparameters.max_kl.get();
+        let max_mmd = self.tolerance.max(self.measured.mmd);
+        let trials = self.hyperparameters.line_search_steps.size();
+        let found = trust_region::search(policy, step, trials, |trial_policy, fraction| {
+            let trial = self.surrogate.measure(trial_policy, pass);
+            let mmd = mimicry.at(self.measured, trial_policy, &trial.ratios);
+            let enough = promised.map_or(f64::NEG_INFINITY, |gain| GAIN_SHARE * fraction * gain);
+            // Each test is one that NaN fails.
+            let tests = [(trial.kl <= max_kl, "KL"), (mmd <= max_mmd, "D"), (trial.gain >= enough, "surrogate")];
+            tests.into_iter().find(|(passed, _)| !passed).map_or(Ok((trial, mmd)), |(_, failed)| Err(failed))
+        });
+        found.map_or_else(
+            || self.stay(),
+            |(step_fraction, (Trial { gain, kl, .. }, mmd_after))| Outcome {
+                kl,
+                gain,
+                mmd_after,
+                step_fraction,
+                recovery_steps: None,
+            },
+        )
+    }
+
+    /// Eq. (13), for a constraint out of reach. At the demonstration's states D is known everywhere, and Adam descends on it
+    /// until it is within the tolerance, whatever the KL. From a rollout it is known nearby alone, and one step of the
+    /// trust region goes down its gradient.
+    fn recover(
+        &self,
+        agent: &mut Agent,
+        mimicry: &mut Mimicry,
+        observations: &DMatrix<f32>,
+        fisher_pass: &mut Pass,
+        pass: &mut Pass,
+    ) -> Result<Outcome, AlgoError> {
+        let h = self.hyperparameters;
+        match h.mmd.samples {
+            Samples::DemoStates => {
+                let descent =
+                    mimicry.descend(agent, self.tolerance, h.recovery_steps.get(), h.recovery_learning_rate.get())?;
+                let Trial { gain, kl, .. } = self.surrogate.measure(&agent.policy, pass);
+                Ok(Outcome {
+                    kl,
+                    gain,
+                    mmd_after: descent.after,
+                    step_fraction: 0.0,
+                    recovery_steps: Some(descent.steps),
+                })
+            }
+            Samples::Rollout => {
+                let mut fisher = Fisher::new(&agent.policy, observations, fisher_pass, h.damping.get());
+                let solved =
+                    constrained_step(&mut fisher, &self.measured.gradient, None, h.max_kl.get(), h.cg_limits());
+                let outcome = match &solved.step {
+                    Some(step) => self.search(&mut agent.policy, step, None, mimicry, pass),
+                    None => self.stay(),
+                };
+                Ok(Outcome { recovery_steps: Some(1), ..outcome })
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        algo::{bandit, ppo},
+        rng::Stream,
+    };
+
+    /// Pays only for actions that a policy near zero never takes; the demonstration comes near, and gets nothing.
+    fn sparse(s: f64, a: f64) -> f64 {
+        f64::from((a - s - 3.5).abs() < 0.3)
+    }
+
+    fn hyperparameters(samples: Samples, d: f64) -> Hyperparameters {
+        Hyperparameters {
+            d: constant(d),
+            epsilon: constant(0.05),
+            max_kl: constant(2e-2),
+            learning_rate: constant(1e-2),
+            minibatch: constant(128),
+            recovery_learning_rate: constant(3e-3),
+            mmd: mimicry::Hyperparameters { samples, ..Default::default() },
+            ..Hyperparameters::for_env(EnvId::InvertedPendulum)
+        }
+    }
+
+    fn mcpo(samples: Samples, d: f64) -> Mcpo {
+        let demonstration = bandit::demonstration(100, |s| s + 2.9);
+        Mcpo::new(hyperparameters(samples, d), bandit::agent(0.5), &demonstration, Seed(0))
+    }
+
+    fn train(mcpo: &mut Mcpo, iterations: usize, reward: fn(f64, f64) -> f64, rng: &mut Rng) -> Vec<Update> {
+        (0..iterations)
+            .map(|_| {
+                let batch = bandit::batch(mcpo.agent(), 512, reward, rng);
+                mcpo.update(&batch, rng).expect("finite")
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_reward_that_is_not_a_number_is_an_error_and_moves_nothing() {
+        let mut mcpo = mcpo(Samples::DemoStates, 10.0);
+        let before = mcpo.agent().policy.clone();
+        let mut rng = Seed(0).stream(Stream::Update, 0);
+        let batch = bandit::batch(mcpo.agent(), 64, |_, _| f64::NAN, &mut rng);
+        assert!(mcpo.update(&batch, &mut rng).is_err());
+        assert_eq!(mcpo.agent().policy, before);
+    }
+
+    /// The demonstration leads to where a reward is; the reward then leads beyond the demonstration.
+    #[test]
+    fn it_learns_a_sparse_reward_that_ppo_never_sees() {
+        for samples in [Samples::DemoStates, Samples::Rollout] {
+            let d = if samples == Samples::DemoStates { 5e-2 } else { 0.2 };
+            let mut mcpo = mcpo(samples, d);
+            train(&mut mcpo, 120, sparse, &mut Seed(0).stream(Stream::Update, 0));
+            let score = bandit::score(mcpo.agent(), sparse);
+            assert!(score > 0.8, "{samples:?}: {score}");
+        }
+        let hyperparameters = ppo::Hyperparameters {
+            learning_rate: constant(3e-3),
+            minibatch: constant(128),
+            ..ppo::Hyperparameters::for_env(EnvId::InvertedPendulum)
+        };
+        let mut ppo = ppo::Ppo::new(hyperparameters, bandit::agent(0.5));
+        let mut rng = Seed(0).stream(Stream::Update, 0);
+        for _ in 0..120 {
+            let batch = bandit::batch(ppo.agent(), 512, sparse, &mut rng);
+            ppo.update(&batch, &mut rng).expect("finite");
+        }
+        assert_eq!(bandit::score(ppo.agent(), sparse), 0.0);
+    }
+
+    #[test]
+    fn no_step_breaks_the_kl_or_leaves_the_tolerance() {
+        let mut mcpo = mcpo(Samples::DemoStates, 5e-2);
+        let updates = train(&mut mcpo, 60, sparse, &mut Seed(1).stream(Stream::Update, 0));
+        let mut cases = std::collections::BTreeSet::new();
+        for update in &updates {
+            let case = update.case.as_deref().expect("every update has a case");
+            cases.insert(case);
+            if case != "infeasible" {
+                assert!(update.kl.expect("measured") <= KL_MARGIN * 2e-2, "{update:?}");
+            }
+            let bound = update.mmd.zip(update.d).map(|(mmd, d)| mmd.max(d));
+            assert!(update.mmd_after <= bound, "{update:?}");
+        }
+        assert!(cases.contains("infeasible") && cases.len() >= 2, "{cases:?}");
+    }
+
+    #[test]
+    fn the_tolerance_grows_by_its_factor_up_to_its_ceiling() {
+        let mut mcpo = mcpo(Samples::DemoStates, 1.0);
+        mcpo.hyperparameters.max_d = Some(constant(1.1));
+        let updates = train(&mut mcpo, 4, sparse, &mut Seed(0).stream(Stream::Update, 0));
+        let d: Vec<f64> = updates.iter().filter_map(|update| update.d).collect();
+        assert_eq!(d, [1.0, 1.05, 1.1, 1.1]);
+    }
+
+    #[test]
+    fn without_reward_and_within_the_tolerance_the_policy_stands_still() {
+        let mut mcpo = mcpo(Samples::DemoStates, 10.0);
+        let before = mcpo.agent().policy.clone();
+        let updates = train(&mut mcpo, 2, |_, _| 0.0, &mut Seed(0).stream(Stream::Update, 0));
+        assert_eq!(mcpo.agent().policy, before);
+        assert!(updates.iter().all(|update| update.case.as_deref() == Some("degenerate_g")));
+    }
+
+    #[test]
+    fn a_restored_run_goes_on_with_the_same_bits() {
+        for samples in [Samples::DemoStates, Samples::Rollout] {
+            let mut first = mcpo(samples, 5e-2);
+            let mut rng = Seed(0).stream(Stream::Update, 0);
+            train(&mut first, 3, sparse, &mut rng);
+            let mut second = mcpo(samples, 5e-2);
+            second.restore(&first.save()).expect("the same shapes");
+            let mut same_rng = rng.clone();
+            train(&mut first, 3, sparse, &mut rng);
+            train(&mut second, 3, sparse, &mut same_rng);
+            assert_eq!(first.save(), second.save());
         }
     }
 }

@@ -1,8 +1,29 @@
 //! The mimicry constraint: MMD^2 between the policy and the demonstration, and its gradient, in both readings.
+//!
+//! Owns D(theta), b and the descent on D (appendix, Eq. 13). Knows nothing of returns. Start at [`Mimicry::measure`].
+//!
+//! The appendix does not say which samples stand for the policy. In `demo_states` they are the demonstration's states with
+//! the policy's mean action there, and b comes by backpropagation; Table 2's tolerances fit this reading. In `rollout`
+//! they are the agent's own state-action pairs, and b comes by the score function,
+//! `b = E[grad log pi(a|s) A_f(s, a)]`, where A_f is the advantage of the cost `f = 2 (mean_pi k - mean_demo k)`. Points are
+//! the normalised state and the raw action, one below the other; the demonstration is normalised anew each iteration.
 
+use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
-use crate::demo::{Bandwidth, Estimator};
+use super::{
+    Agent, AlgoError, Batch,
+    critic::{self, Critic},
+    finite, gae,
+    trust_region::Surrogate,
+};
+use crate::{
+    demo::{Bandwidth, Demonstration, Estimator, Kernel, mmd::Target},
+    nn::{GaussianPolicy, Mlp, Pass},
+    quantity::constant,
+    rng::{Rng, Seed, Stream},
+    solver::adam::Adam,
+};
 
 /// How MMD^2 to the demonstration is measured.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -28,10 +49,305 @@ pub enum Samples {
 
 impl Default for Hyperparameters {
     fn default() -> Self {
+        Self { samples: Samples::DemoStates, estimator: Estimator::V, bandwidth: Bandwidth::Fixed(constant(1.0)) }
+    }
+}
+
+/// A demonstration to stay near to.
+pub struct Mimicry {
+    hyperparameters: Hyperparameters,
+    /// Raw observations of the demonstration `[observation_dim x m]`.
+    observations: DMatrix<f64>,
+    /// Its actions `[action_dim x m]`.
+    actions: DMatrix<f32>,
+    state: State,
+    pass: Pass,
+}
+
+#[derive(Serialize, Deserialize)]
+struct State {
+    /// Set at the first measurement, and kept: a distance whose unit changed could not be held to a tolerance.
+    kernel: Option<Kernel>,
+    /// The value network of the cost f, for `rollout`.
+    value: Mlp,
+    critic: Critic,
+}
+
+/// D at the policy of this iteration, what is needed to follow it nearby, and its gradient.
+pub struct Measured {
+    /// `D(theta_k)`.
+    pub mmd: f64,
+    /// `b`, the gradient of D `[policy's dim]`.
+    pub gradient: Vec<f32>,
+    nearby: Nearby,
+}
+
+/// What a descent on D did.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Descent {
+    /// D at its start.
+    pub before: f64,
+    /// D at its end.
+    pub after: f64,
+    /// Steps of Adam taken.
+    pub steps: u64,
+}
+
+/// How D is known at other policies than that of the iteration.
+enum Nearby {
+    /// Measured again, at the same states.
+    DemoStates { states: DMatrix<f32>, target: Target },
+    /// To first order, by the importance-weighted advantages of the cost f `[n]`.
+    Rollout { advantages: Vec<f64> },
+}
+
+/// What the fit of the cost's value network needs; the same as for returns.
+pub struct Costs {
+    /// Discount gamma.
+    pub discount: f64,
+    /// GAE's lambda.
+    pub lambda: f64,
+    /// How the value network is fitted.
+    pub fit: critic::Fit,
+}
+
+impl Mimicry {
+    /// Nearness to `demonstration`, for a policy with hidden layers of `hidden`.
+    pub fn new(hyperparameters: Hyperparameters, demonstration: &Demonstration, hidden: &[usize], seed: Seed) -> Self {
+        let widths = [&[demonstration.observations.nrows()], hidden, &[1]].concat();
+        let value = Mlp::new(&widths, 0.0, &mut seed.stream(Stream::Network, 1));
+        let critic = Critic::new(&value);
         Self {
-            samples: Samples::DemoStates,
-            estimator: Estimator::V,
-            bandwidth: Bandwidth::Fixed(crate::quantity::constant(1.0)),
+            hyperparameters,
+            observations: demonstration.observations.clone(),
+            actions: demonstration.actions.map(|action| action as f32),
+            state: State { kernel: None, value, critic },
+            pass: Pass::default(),
         }
+    }
+
+    /// D and b at `agent`'s policy. For `rollout`, `surrogate` is that of the iteration's batch and `pass` holds the policy's
+    /// forward pass on it.
+    ///
+    /// Errors: D or the cost's value is no longer finite.
+    pub fn measure(
+        &mut self,
+        agent: &Agent,
+        batch: &Batch,
+        surrogate: &Surrogate<'_>,
+        pass: &mut Pass,
+        costs: &Costs,
+        rng: &mut Rng,
+    ) -> Result<Measured, AlgoError> {
+        let Agent { policy, normalizer, .. } = agent;
+        let states = normalizer.normalize_columns(&self.observations);
+        let target = self.target(&states);
+        match self.hyperparameters.samples {
+            Samples::DemoStates => {
+                let mut gradient = vec![0.0; policy.dim()];
+                let mmd = demo_states(policy, &states, &target, &mut self.pass, Some(&mut gradient));
+                Ok(Measured { mmd: finite("D", mmd)?, gradient, nearby: Nearby::DemoStates { states, target } })
+            }
+            Samples::Rollout => {
+                let mut cost = vec![0.0; batch.len()];
+                let mmd = target.mmd_squared_witness(&stack(&batch.observations, &batch.actions), &mut cost);
+                cost.iter_mut().for_each(|f| *f *= 2.0);
+                let State { value, critic, .. } = &mut self.state;
+                let estimate = gae::estimate(batch, &cost, value, costs.discount, costs.lambda, &mut self.pass);
+                critic.fit(value, &batch.observations, &estimate.returns, costs.fit, rng)?;
+                let gradient = surrogate.score(policy, pass, &estimate.advantages);
+                let nearby = Nearby::Rollout { advantages: estimate.advantages };
+                Ok(Measured { mmd: finite("D", mmd)?, gradient, nearby })
+            }
+        }
+    }
+
+    /// D at `policy`, a step away from the policy that was measured; `ratios` (`[n]`) are its probabilities of the batch's
+    /// actions relative to that policy's.
+    pub fn at(&mut self, measured: &Measured, policy: &GaussianPolicy, ratios: &[f64]) -> f64 {
+        match &measured.nearby {
+            Nearby::DemoStates { states, target } => demo_states(policy, states, target, &mut self.pass, None),
+            Nearby::Rollout { advantages } => {
+                let change: f64 = ratios.iter().zip(advantages).map(|(ratio, a)| (ratio - 1.0) * a).sum();
+                measured.mmd + change / ratios.len() as f64
+            }
+        }
+    }
+
+    /// Eq. (13) at the demonstration's states: moves `agent`'s policy down D by at most `steps` steps of Adam, until D is
+    /// at most `enough`.
+    ///
+    /// Errors: D is no longer finite.
+    pub fn descend(
+        &mut self,
+        agent: &mut Agent,
+        enough: f64,
+        steps: u64,
+        learning_rate: f64,
+    ) -> Result<Descent, AlgoError> {
+        let Agent { policy, normalizer, .. } = agent;
+        let states = normalizer.normalize_columns(&self.observations);
+        let target = self.target(&states);
+        let mut optimizer = Adam::new(policy.dim());
+        let mut gradient = vec![0.0; policy.dim()];
+        let mut parameters = policy.parameters();
+        let mut before = None;
+        for step in 0.. {
+            let mmd = demo_states(policy, &states, &target, &mut self.pass, Some(&mut gradient));
+            let before = *before.get_or_insert(finite("D", mmd)?);
+            if mmd <= enough || step == steps {
+                return Ok(Descent { before, after: finite("D", mmd)?, steps: step });
+            }
+            optimizer.step(&mut parameters, &gradient, learning_rate);
+            policy.set_parameters(&parameters);
+        }
+        unreachable!("the loop ends at its last step")
+    }
+
+    /// Everything the next measurement depends on.
+    pub fn save(&self) -> Vec<u8> {
+        super::to_bytes(&self.state)
+    }
+
+    /// Puts back what [`save`](Mimicry::save) gave.
+    ///
+    /// Errors: the bytes are of another state.
+    pub fn restore(&mut self, state: &[u8]) -> Result<(), AlgoError> {
+        self.state = super::from_bytes("the mimicry constraint", state)?;
+        Ok(())
+    }
+
+    fn target(&mut self, states: &DMatrix<f32>) -> Target {
+        let points = stack(states, &self.actions);
+        let bandwidth = self.hyperparameters.bandwidth;
+        let kernel = *self.state.kernel.get_or_insert_with(|| Kernel::new(bandwidth, &points));
+        Target::new(points, kernel, self.hyperparameters.estimator)
+    }
+}
+
+/// D between the demonstration and `policy`'s mean actions at its `states`; and its gradient, where asked for.
+fn demo_states(
+    policy: &GaussianPolicy,
+    states: &DMatrix<f32>,
+    target: &Target,
+    pass: &mut Pass,
+    gradient: Option<&mut [f32]>,
+) -> f64 {
+    policy.forward(states, pass);
+    let points = stack(states, &pass.output().into_owned());
+    match gradient {
+        None => target.mmd_squared(&points),
+        Some(gradient) => {
+            let mut point_gradient = DMatrix::zeros(points.nrows(), points.ncols());
+            let mmd = target.mmd_squared_gradient(&points, &mut point_gradient);
+            let cotangent = point_gradient.rows(states.nrows(), points.nrows() - states.nrows()).into_owned();
+            policy.mean_gradient(states, pass, &cotangent, gradient);
+            mmd
+        }
+    }
+}
+
+/// States above actions: the points between which the kernel measures.
+pub(super) fn stack(states: &DMatrix<f32>, actions: &DMatrix<f32>) -> DMatrix<f32> {
+    let mut points = DMatrix::zeros(states.nrows() + actions.nrows(), states.ncols());
+    points.rows_mut(0, states.nrows()).copy_from(states);
+    points.rows_mut(states.nrows(), actions.nrows()).copy_from(actions);
+    points
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{algo::bandit, solver::dot};
+
+    fn mimicry(samples: Samples, demonstration: &Demonstration) -> Mimicry {
+        let hyperparameters = Hyperparameters { samples, ..Hyperparameters::default() };
+        Mimicry::new(hyperparameters, demonstration, &[16, 16], Seed(0))
+    }
+
+    fn costs(discount: f64) -> Costs {
+        Costs {
+            discount,
+            lambda: 1.0,
+            fit: critic::Fit { epochs: 1, minibatch: 256, learning_rate: 1e-3, l2_penalty: 0.0 },
+        }
+    }
+
+    fn moved(policy: &GaussianPolicy, direction: &[f32], h: f64) -> GaussianPolicy {
+        let mut policy = policy.clone();
+        let parameters: Vec<f32> =
+            policy.parameters().iter().zip(direction).map(|(&p, &d)| p + (h * f64::from(d)) as f32).collect();
+        policy.set_parameters(&parameters);
+        policy
+    }
+
+    fn unit(gradient: &[f32]) -> Vec<f32> {
+        let norm = dot(gradient, gradient).sqrt() as f32;
+        gradient.iter().map(|g| g / norm).collect()
+    }
+
+    #[test]
+    fn at_the_demonstrations_states_b_is_the_slope_of_d() {
+        let demonstration = bandit::demonstration(40, |s| 0.8 * s + 0.5);
+        let agent = bandit::agent(0.5);
+        let mut mimicry = mimicry(Samples::DemoStates, &demonstration);
+        let batch = bandit::batch(&agent, 64, |_, _| 0.0, &mut Seed(5).stream(Stream::Action, 0));
+        let advantages = vec![0.0; 64];
+        let mut pass = Pass::default();
+        let surrogate = Surrogate::new(&agent.policy, &batch, &advantages, &mut pass);
+        let mut rng = Seed(5).stream(Stream::Update, 0);
+        let measured = mimicry.measure(&agent, &batch, &surrogate, &mut pass, &costs(0.9), &mut rng).expect("finite");
+        assert_eq!(mimicry.at(&measured, &agent.policy, &[]), measured.mmd);
+        assert_eq!(measured.gradient.last(), Some(&0.0), "the mean action does not know log_std");
+        let direction = unit(&measured.gradient);
+        let at = |mimicry: &mut Mimicry, h| mimicry.at(&measured, &moved(&agent.policy, &direction, h), &[]);
+        let slope = (at(&mut mimicry, 1e-2) - at(&mut mimicry, -1e-2)) / 2e-2;
+        let expected = dot(&measured.gradient, &direction);
+        assert!((slope - expected).abs() < 0.01 * expected, "{slope} against {expected}");
+    }
+
+    /// In one-step episodes D can be followed without the score function: the same noise under a moved policy gives moved
+    /// samples, and MMD^2 is measured again on them.
+    #[test]
+    fn from_a_rollout_b_is_the_slope_of_d_measured_anew() {
+        const N: usize = 6000;
+        let demonstration = bandit::demonstration(200, |s| 0.8 * s + 0.5);
+        let agent = bandit::agent(0.5);
+        let mut mimicry = mimicry(Samples::Rollout, &demonstration);
+        let batch = bandit::batch(&agent, N, |_, _| 0.0, &mut Seed(6).stream(Stream::Action, 0));
+        let advantages = vec![0.0; N];
+        let mut pass = Pass::default();
+        let surrogate = Surrogate::new(&agent.policy, &batch, &advantages, &mut pass);
+        let means = pass.output().into_owned();
+        let mut rng = Seed(6).stream(Stream::Update, 0);
+        let measured = mimicry.measure(&agent, &batch, &surrogate, &mut pass, &costs(0.0), &mut rng).expect("finite");
+
+        let states = agent.normalizer.normalize_columns(&mimicry.observations);
+        let target = mimicry.target(&states);
+        let direction = unit(&measured.gradient);
+        let mut anew = |h: f64| {
+            let policy = moved(&agent.policy, &direction, h);
+            let stretch = (policy.log_std()[0] - agent.policy.log_std()[0]).exp();
+            policy.forward(&batch.observations, &mut pass);
+            let actions = DMatrix::from_fn(1, N, |_, i| {
+                pass.output()[(0, i)] + stretch * (batch.actions[(0, i)] - means[(0, i)])
+            });
+            target.mmd_squared(&stack(&batch.observations, &actions))
+        };
+        let slope = (anew(0.02) - anew(-0.02)) / 0.04;
+        let expected = dot(&measured.gradient, &direction);
+        // The score function's Monte Carlo error inflates |b|: about 2 % of it with 6000 samples; five times that.
+        assert!((slope - expected).abs() < 0.1 * expected, "{slope} against {expected}");
+    }
+
+    #[test]
+    fn recovery_reaches_the_tolerance_and_stops_there() {
+        let demonstration = bandit::demonstration(40, |s| 0.8 * s + 0.5);
+        let mut agent = bandit::agent(0.5);
+        let mut mimicry = mimicry(Samples::DemoStates, &demonstration);
+        let descent = mimicry.descend(&mut agent, 1e-4, 2000, 3e-3).expect("finite");
+        assert!(descent.steps > 10 && descent.steps < 2000 && descent.after <= 1e-4, "{descent:?}");
+        let again = mimicry.descend(&mut agent, 1e-4, 2000, 3e-3).expect("finite");
+        assert_eq!(again.steps, 0, "a policy within the tolerance is left alone");
     }
 }

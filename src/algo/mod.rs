@@ -3,12 +3,24 @@
 //! Owns what turns a batch of experience into a better policy. Never steps an environment, reads a file or prints. Start
 //! at [`mcpo`], whose update reads like the paper; [`OnPolicy`] is what the training loop sees.
 
+pub mod adversarial;
+#[cfg(test)]
+mod bandit;
 pub mod batch;
+pub mod cloning;
 pub mod critic;
+pub mod discriminator;
 pub mod gae;
+pub mod gail;
 pub mod mcpo;
 pub mod mimicry;
+pub mod mmd_il;
+pub mod penalty;
+pub mod pofd;
 pub mod ppo;
+pub mod pretraining;
+mod stopwatch;
+pub mod trpo;
 pub mod trust_region;
 
 use serde::{Deserialize, Serialize};
@@ -19,6 +31,9 @@ use crate::{
     nn::{GaussianPolicy, Mlp, Normalizer},
     rng::Rng,
 };
+
+/// Part of every run's fingerprint; raise it whenever an algorithm, a network or the training loop gives other numbers.
+pub const REVISION: u32 = 1;
 
 /// What learns: a policy, a value network, and the normaliser of both networks' inputs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -31,6 +46,14 @@ pub struct Agent {
     pub normalizer: Normalizer,
 }
 
+impl Agent {
+    /// Widths of the hidden layers, which all networks of a run share.
+    pub fn hidden(&self) -> &[usize] {
+        let widths = self.value.widths();
+        &widths[1..widths.len() - 1]
+    }
+}
+
 /// What can go wrong in an update.
 #[derive(Debug, thiserror::Error)]
 pub enum AlgoError {
@@ -41,6 +64,16 @@ pub enum AlgoError {
         what: &'static str,
         /// NaN or an infinity.
         value: f64,
+    },
+    /// The linearised problem has no solution of any case.
+    #[error("the update's linear problem is undefined (q = {q}, r = {r}, s = {s:?}): training diverged")]
+    Undefined {
+        /// `g.H^-1 g`.
+        q: f64,
+        /// `b.H^-1 g`.
+        r: f64,
+        /// `b.H^-1 b`, where it was needed.
+        s: Option<f64>,
     },
     /// A saved state does not fit.
     #[error("the saved state of {algorithm} cannot be read: {source}")]
@@ -116,6 +149,16 @@ pub struct Update {
     /// Seconds in each named part of the update, for `mcpo-run bench`.
     #[serde(default)]
     pub seconds: Vec<(String, f64)>,
+}
+
+/// The bytes of a saved state.
+fn to_bytes<T: Serialize>(state: &T) -> Vec<u8> {
+    postcard::to_stdvec(state).expect("a state of numbers and vectors always serialises")
+}
+
+/// The state of `algorithm` saved in `bytes`.
+fn from_bytes<'a, T: Deserialize<'a>>(algorithm: &'static str, bytes: &'a [u8]) -> Result<T, AlgoError> {
+    postcard::from_bytes(bytes).map_err(|source| AlgoError::State { algorithm, source })
 }
 
 /// `value`, or the error that training diverged when it is not finite.

@@ -1,9 +1,124 @@
-//! The command line.
+//! The command line: one file a subcommand.
+//!
+//! Owns what a user types and sees, and the exit codes. Knows nothing that another program could want to know: everything else
+//! is in the modules that it calls. Start at [`main`].
+//!
+//! Exit codes: 0 all good; 1 some runs failed; 2 usage or configuration; 3 a reference verdict failed; 4 not reproduced;
+//! 130 interrupted, and resumable.
 
+mod completions;
 mod demo;
+mod eval;
+mod man;
+mod plan;
 mod report;
+mod run;
+mod schema;
+mod selected;
+mod show;
+mod status;
 
-/// TODO
-pub fn main() -> std::process::ExitCode {
-    std::process::ExitCode::SUCCESS
+use std::{
+    io::{self, IsTerminal, Write},
+    process::ExitCode,
+};
+
+use clap::{CommandFactory, Parser, Subcommand};
+
+use crate::schedule::worker;
+use selected::{InvalidFiles, Selected};
+
+/// Declarative experiments in reinforcement learning from imperfect demonstrations.
+///
+/// `mcpo-run PATH...` runs what is missing of the experiments in PATH and writes their reports.
+#[derive(Debug, Parser)]
+#[command(name = "mcpo-run", version, arg_required_else_help = true)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true, disable_help_subcommand = true)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Option<Command>,
+    #[command(flatten)]
+    run: run::RunArguments,
+}
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Run what is missing, then write the reports (the default)
+    Run(run::RunArguments),
+    /// Show every run, its id, its state and its cost; start nothing
+    Plan(plan::PlanArguments),
+    /// Show what is finished, running, failed (and why) and to do, and the time left; works beside a running campaign
+    Status(Selected),
+    /// Write tables and figures from recorded files alone
+    Report(Selected),
+    /// Play episodes with a saved policy
+    Eval(eval::EvalArguments),
+    /// Collect, import, verify or show demonstrations
+    #[command(subcommand)]
+    Demo(demo::DemoCommand),
+    /// Show where a result file comes from
+    Show(show::ShowArguments),
+    /// Print the completions of a shell
+    Completions(completions::CompletionsArguments),
+    /// Print the manual page, of the program or of one command
+    Man(man::ManArguments),
+    /// Print the JSON Schema of matrix files, for editors
+    Schema,
+    /// Do the job on stdin (what `run` starts)
+    #[command(hide = true)]
+    Worker,
+}
+
+/// Does what the command line says.
+pub fn main() -> ExitCode {
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(error) => {
+            drop(error.print()); // nobody listens
+            return ExitCode::from(if error.use_stderr() { 2 } else { 0 });
+        }
+    };
+    dispatch(arguments).unwrap_or_else(|error| {
+        complain(&error);
+        ExitCode::from(2)
+    })
+}
+
+fn dispatch(arguments: Arguments) -> anyhow::Result<ExitCode> {
+    match arguments.command.unwrap_or(Command::Run(arguments.run)) {
+        Command::Run(arguments) => run::run(&arguments),
+        Command::Plan(arguments) => plan::run(&arguments),
+        Command::Status(selected) => status::run(&selected),
+        Command::Report(selected) => report::run(&selected.load()?, &selected.results),
+        Command::Eval(arguments) => eval::run(&arguments),
+        Command::Demo(command) => demo::run(command),
+        Command::Show(arguments) => show::run(&arguments),
+        Command::Completions(arguments) => completions::run(&arguments),
+        Command::Man(arguments) => man::run(&arguments),
+        Command::Schema => schema::run(),
+        Command::Worker => Ok(worker::run()),
+    }
+}
+
+/// The command line's definition, for completions and the manual.
+fn definition() -> clap::Command {
+    Arguments::command()
+}
+
+/// Tells an error on stderr.
+fn complain(error: &anyhow::Error) {
+    let text = match error.downcast_ref::<InvalidFiles>() {
+        Some(invalid) => invalid.render(io::stderr().is_terminal()),
+        None => error.to_string().lines().map(|line| format!("error: {line}\n")).collect(),
+    };
+    drop(io::stderr().write_all(text.as_bytes())); // nobody listens
+}
+
+/// Writes a result to stdout. A reader that has seen enough (`| head`) is no error.
+fn print(text: &str) -> anyhow::Result<()> {
+    match io::stdout().write_all(text.as_bytes()) {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(error.into()),
+        _ => Ok(()),
+    }
 }

@@ -17,7 +17,7 @@ pub enum Bandwidth {
 }
 
 /// A Gaussian kernel.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Kernel {
     /// `1 / (2 sigma^2)`.
     pub scale: f64,

@@ -146,3 +146,56 @@ impl From<EnvId> for String {
         id.name().to_owned()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::env::Task;
+
+    #[test]
+    fn an_unknown_name_is_refused_with_the_nearest_known_one() {
+        for (name, expected) in [
+            ("HalfCheetah-v4", "HalfCheetah-v2"),
+            ("hopper-v2", "Hopper-v2"),
+            ("Walker-v2", "Walker2d-v2"),
+            ("MountainCar-v1", "MountainCar-v0"),
+            ("InvertedPendulm-v2", "InvertedPendulum-v2"),
+        ] {
+            match name.parse::<EnvId>() {
+                Err(EnvError::UnknownEnvironment { nearest, .. }) => assert_eq!(nearest, expected),
+                other => panic!("{name}: {other:?}"),
+            }
+        }
+        assert!("".parse::<EnvId>().is_err());
+    }
+
+    #[test]
+    fn gyms_names_and_the_papers_are_known() {
+        for id in EnvId::ALL {
+            assert_eq!(id.name().parse::<EnvId>().ok(), Some(id));
+            assert_eq!(EnvId::try_from(String::from(id)).ok(), Some(id));
+        }
+        for (name, id) in [
+            ("MountainCar-v0", EnvId::MountainCar),
+            ("Pendulum-v2", EnvId::InvertedPendulum),
+            ("DoublePendulum-v2", EnvId::InvertedDoublePendulum),
+        ] {
+            assert_eq!(name.parse::<EnvId>().ok(), Some(id));
+        }
+    }
+
+    #[test]
+    fn an_environment_has_its_own_sparse_reward_alone() {
+        for id in EnvId::ALL {
+            for other in EnvId::ALL {
+                let reward = other.sparse_reward();
+                let same = std::mem::discriminant(&reward) == std::mem::discriminant(&id.sparse_reward());
+                match Task::new(id, reward, 10) {
+                    Ok(_) => assert!(same, "{id} takes {reward:?}"),
+                    Err(EnvError::NoSuchReward { .. }) => assert!(!same, "{id} refuses {reward:?}"),
+                    Err(error) => panic!("{error}"),
+                }
+            }
+        }
+    }
+}

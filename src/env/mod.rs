@@ -10,6 +10,7 @@ mod reward;
 mod task;
 
 pub use id::EnvId;
+pub use mujoco::{engine_version, models_digest};
 pub use reward::{Reward, SparseMode};
 pub use task::{Task, Transition};
 

@@ -86,3 +86,34 @@ impl Environment for MountainCar {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Position and velocity after one step from `position` and `velocity`, and what it gave.
+    fn step(position: f64, velocity: f64, action: f64) -> (f64, f64, Outcome) {
+        let mut car = MountainCar { position, velocity };
+        let outcome = car.step(&[action], &mut [0.0; 2]).expect("a step");
+        (car.position, car.velocity, outcome)
+    }
+
+    #[test]
+    fn the_left_wall_stops_the_car() {
+        assert_eq!(step(-1.19, -0.05, -1.0).0, -1.2);
+        assert_eq!(step(-1.19, -0.05, -1.0).1, 0.0);
+    }
+
+    #[test]
+    fn speed_and_position_are_bounded() {
+        assert_eq!(step(-0.3, -0.07, -1.0).1, -0.07);
+        assert_eq!(step(-0.9, 0.07, 1.0).1, 0.07);
+        assert_eq!(step(0.59, 0.07, 1.0).0, 0.6);
+    }
+
+    #[test]
+    fn the_goal_is_reached_by_position_and_direction_and_costs_the_unclamped_action() {
+        assert_eq!(step(0.44, 0.05, 2.0).2, Outcome { reward: 99.6, terminated: true });
+        assert_eq!(step(0.47, -0.01, 1.0).2, Outcome { reward: -0.1, terminated: false });
+    }
+}

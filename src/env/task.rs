@@ -111,3 +111,116 @@ impl Task {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{env::Outcome, quantity::constant};
+
+    /// An environment whose landmark follows a list, one number a step; its dense reward is -1.
+    struct Scripted {
+        landmarks: Vec<f64>,
+        step: usize,
+    }
+
+    impl Environment for Scripted {
+        fn spaces(&self) -> Spaces {
+            Spaces { observation_dim: 1, action_dim: 1, action_bound: 1.0 }
+        }
+
+        fn reset(&mut self, _: &mut Rng, _: &mut [f64]) {
+            self.step = 0;
+        }
+
+        fn step(&mut self, _: &[f64], _: &mut [f64]) -> Result<Outcome, EnvError> {
+            self.step += 1;
+            Ok(Outcome { reward: -1.0, terminated: self.step == self.landmarks.len() })
+        }
+
+        fn landmark(&self) -> f64 {
+            self.landmarks[self.step - 1]
+        }
+
+        fn pose(&self) -> Pose {
+            Pose { qpos: vec![], qvel: vec![] }
+        }
+
+        fn set_pose(&mut self, _: &Pose, _: &mut [f64]) -> Result<(), EnvError> {
+            self.step = 0;
+            Ok(())
+        }
+
+        fn save(&self) -> Vec<f64> {
+            vec![self.step as f64]
+        }
+
+        fn restore(&mut self, state: &[f64]) -> Result<(), EnvError> {
+            self.step = state[0] as usize;
+            Ok(())
+        }
+    }
+
+    fn task(reward: Reward, max_steps: u64, landmarks: &[f64]) -> Task {
+        let environment = Box::new(Scripted { landmarks: landmarks.to_vec(), step: 0 });
+        Task { env: EnvId::Hopper, environment, reward, max_steps, elapsed: 0, milestones: 0.0 }
+    }
+
+    fn episode(task: &mut Task) -> (Vec<f64>, EpisodeEnd) {
+        let mut rewards = Vec::new();
+        loop {
+            let transition = task.step(&[0.0], &mut [0.0]).expect("a scripted step");
+            assert_eq!(transition.dense_reward, -1.0);
+            rewards.push(transition.reward);
+            if let Some(end) = transition.end {
+                return (rewards, end);
+            }
+        }
+    }
+
+    fn sparse2(mode: SparseMode) -> Reward {
+        Reward::Sparse2 { distance: constant(15.0), mode }
+    }
+
+    const WAY: [f64; 8] = [-20.0, 14.9, 15.0, 15.1, 3.0, 46.0, 44.0, 60.0];
+
+    #[test]
+    fn sparse2_pays_on_every_step_beyond_the_distance() {
+        let mut task = task(sparse2(SparseMode::Beyond), 100, &WAY);
+        assert_eq!(episode(&mut task).0, [0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 1.0]);
+    }
+
+    #[test]
+    fn sparse2_by_milestones_pays_once_for_each_whole_distance_of_an_episode() {
+        let mut task = task(sparse2(SparseMode::Milestone), 100, &WAY);
+        let expected = [0.0, 0.0, 1.0, 0.0, 0.0, 2.0, 0.0, 1.0];
+        assert_eq!(episode(&mut task).0, expected);
+        task.set_pose(&Pose { qpos: vec![], qvel: vec![] }, &mut [0.0]).expect("scripted");
+        assert_eq!(episode(&mut task).0, expected, "a new episode earns them again");
+    }
+
+    #[test]
+    fn milestones_already_paid_for_are_restored() {
+        let mut task = task(sparse2(SparseMode::Milestone), 100, &WAY);
+        for _ in 0..4 {
+            task.step(&[0.0], &mut [0.0]).expect("a scripted step");
+        }
+        let state = task.save();
+        let rest = episode(&mut task).0;
+        task.restore(&state).expect("its own state");
+        assert_eq!(episode(&mut task).0, rest);
+        assert_eq!(rest, [0.0, 2.0, 0.0, 1.0]);
+    }
+
+    #[test]
+    fn sparse1_pays_at_the_goal_and_sparse3_above_the_height() {
+        assert_eq!(episode(&mut task(Reward::Sparse1, 100, &[0.0, 0.0, 1.0])).0, [0.0, 0.0, 1.0]);
+        let high = Reward::Sparse3 { height: constant(0.59) };
+        assert_eq!(episode(&mut task(high, 100, &[0.6, 0.591, 0.59, 0.2])).0, [1.0, 1.0, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn a_termination_on_the_last_step_is_no_truncation() {
+        assert_eq!(episode(&mut task(Reward::Dense, 3, &[0.0; 4])), (vec![-1.0; 3], EpisodeEnd::Truncated));
+        assert_eq!(episode(&mut task(Reward::Dense, 4, &[0.0; 4])), (vec![-1.0; 4], EpisodeEnd::Terminated));
+    }
+}

@@ -7,10 +7,14 @@
 //! are f32, sums over samples f64 or fixed chunks in a fixed order, so that a result does not depend on how many samples
 //! pass together or on how many threads share them.
 
+mod fisher;
 mod mlp;
 mod normalizer;
+mod pass;
 mod policy;
 
-pub use mlp::{Mlp, Pass};
+pub use fisher::Fisher;
+pub use mlp::Mlp;
 pub use normalizer::Normalizer;
-pub use policy::{Fisher, GaussianPolicy};
+pub use pass::Pass;
+pub use policy::GaussianPolicy;

@@ -1,5 +1,6 @@
 //! The running normaliser of observations (Welford, 1962).
 
+use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
 /// Running mean and variance of observations; normalised observations are clipped.
@@ -13,22 +14,60 @@ pub struct Normalizer {
 }
 
 impl Normalizer {
+    /// Added to the standard deviation: a feature that never varied is 0 as long as it does not, and when it first moves,
+    /// the clip bounds it.
+    pub const EPSILON: f64 = 1e-8;
+
     /// A normaliser of observations of `dim` numbers that has seen none: until it has seen two, it only clips.
     /// Normalised numbers are clipped to `[-clip, clip]`.
     pub fn new(dim: usize, clip: f64) -> Self {
         Self { count: 0.0, mean: vec![0.0; dim], deviations: vec![0.0; dim], clip }
     }
 
-    /// Takes one raw observation (`[dim]`) into account.
-    pub fn update(&mut self, observation: &[f64]) {
-        let _ = observation;
-        todo!()
+    /// A normaliser that has seen the columns of `observations` (`[dim x n]`), from the first on.
+    pub fn from_columns(observations: &DMatrix<f64>, clip: f64) -> Self {
+        let mut normalizer = Self::new(observations.nrows(), clip);
+        observations.as_slice().chunks_exact(observations.nrows().max(1)).for_each(|column| normalizer.update(column));
+        normalizer
     }
 
-    /// Writes the normalised observation (`[dim]`).
+    /// Takes one raw observation (`[dim]`) into account.
+    pub fn update(&mut self, observation: &[f64]) {
+        assert_eq!(observation.len(), self.mean.len(), "length of an observation");
+        self.count += 1.0;
+        for ((mean, deviations), x) in self.mean.iter_mut().zip(&mut self.deviations).zip(observation) {
+            let from_old_mean = x - *mean;
+            *mean += from_old_mean / self.count;
+            *deviations += from_old_mean * (x - *mean);
+        }
+    }
+
+    /// Writes the normalised observation (`[dim]`): `(x - mean) / (std + EPSILON)`, clipped.
     pub fn normalize(&self, observation: &[f64], normalized: &mut [f32]) {
-        let _ = (observation, normalized, self.clip, &self.deviations, self.count);
-        todo!()
+        assert_eq!(observation.len(), self.mean.len(), "length of an observation");
+        assert_eq!(normalized.len(), self.mean.len(), "length of a normalised observation");
+        if self.count < 2.0 {
+            for (y, x) in normalized.iter_mut().zip(observation) {
+                *y = x.clamp(-self.clip, self.clip) as f32;
+            }
+            return;
+        }
+        let moments = self.mean.iter().zip(&self.deviations);
+        for ((y, x), (mean, deviations)) in normalized.iter_mut().zip(observation).zip(moments) {
+            let std = (deviations / (self.count - 1.0)).sqrt();
+            *y = ((x - mean) / (std + Self::EPSILON)).clamp(-self.clip, self.clip) as f32;
+        }
+    }
+
+    /// The normalised `observations` (`[dim x n]`).
+    pub fn normalize_columns(&self, observations: &DMatrix<f64>) -> DMatrix<f32> {
+        let mut normalized = DMatrix::zeros(observations.nrows(), observations.ncols());
+        for (raw, column) in
+            observations.column_iter().zip(normalized.as_mut_slice().chunks_exact_mut(observations.nrows()))
+        {
+            self.normalize(raw.as_slice(), column);
+        }
+        normalized
     }
 
     /// The mean of what was seen `[dim]`.
@@ -36,9 +75,12 @@ impl Normalizer {
         &self.mean
     }
 
-    /// The standard deviation of what was seen `[dim]`; ones before two observations.
+    /// The standard deviation of what was seen `[dim]` (by n - 1); ones before two observations.
     pub fn std(&self) -> Vec<f64> {
-        todo!()
+        if self.count < 2.0 {
+            return vec![1.0; self.mean.len()];
+        }
+        self.deviations.iter().map(|deviations| (deviations / (self.count - 1.0)).sqrt()).collect()
     }
 
     /// How many observations were seen.
@@ -49,5 +91,83 @@ impl Normalizer {
     /// The bound of a normalised number.
     pub fn clip(&self) -> f64 {
         self.clip
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Observations whose third number never varies and whose second has a mean far larger than its deviation.
+    fn observations() -> DMatrix<f64> {
+        DMatrix::from_fn(3, 500, |i, j| match i {
+            0 => (j as f64 * 0.7).sin() * 3.0 - 1.0,
+            1 => 1e6 + (j as f64 * 1.3).cos() * 1e-2,
+            _ => 4.2,
+        })
+    }
+
+    #[test]
+    #[should_panic(expected = "length of an observation")]
+    fn refuses_an_observation_of_another_length() {
+        Normalizer::new(3, 10.0).update(&[1.0]);
+    }
+
+    #[test]
+    fn only_clips_until_two_were_seen() {
+        let mut normalizer = Normalizer::new(2, 5.0);
+        let mut y = [0.0; 2];
+        for count in 0..2 {
+            assert_eq!(normalizer.count(), count);
+            assert_eq!(normalizer.std(), [1.0, 1.0]);
+            normalizer.normalize(&[7.0, -2.5], &mut y);
+            assert_eq!(y, [5.0, -2.5]);
+            normalizer.update(&[1.0, 2.0]);
+        }
+        normalizer.update(&[3.0, 6.0]);
+        normalizer.normalize(&[7.0, -2.5], &mut y);
+        assert_ne!(y, [5.0, -2.5]);
+    }
+
+    #[test]
+    fn agrees_with_two_passes() {
+        let seen = observations();
+        let normalizer = Normalizer::from_columns(&seen, 10.0);
+        assert_eq!(normalizer.count(), 500);
+        for (i, row) in seen.row_iter().enumerate() {
+            let mean = row.iter().sum::<f64>() / 500.0;
+            let std = (row.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / 499.0).sqrt();
+            // The second feature's mean is 1e8 deviations away from zero: eight of sixteen digits are left.
+            assert!((normalizer.mean()[i] - mean).abs() <= 1e-13 * mean.abs() + 1e-15);
+            assert!((normalizer.std()[i] - std).abs() <= 1e-7 * std + 1e-12, "{} {std}", normalizer.std()[i]);
+        }
+    }
+
+    #[test]
+    fn normalised_numbers_have_mean_zero_and_variance_one_and_are_clipped() {
+        let seen = observations();
+        let normalizer = Normalizer::from_columns(&seen, 1.2);
+        let unclipped = Normalizer::from_columns(&seen, 10.0);
+        let (mut sum, mut squares, mut y, mut z) = (0.0, 0.0, [0.0; 3], [0.0; 3]);
+        for column in seen.column_iter() {
+            normalizer.normalize(column.as_slice(), &mut y);
+            unclipped.normalize(column.as_slice(), &mut z);
+            assert_eq!(y, z.map(|z| z.clamp(-1.2, 1.2)));
+            sum += f64::from(z[0]);
+            squares += f64::from(z[0]).powi(2);
+        }
+        // f32 rounding of 500 numbers.
+        assert!(sum.abs() < 1e-4, "{sum}");
+        assert!((squares / 499.0 - 1.0).abs() < 1e-6, "{squares}");
+    }
+
+    #[test]
+    fn a_feature_that_never_varied_is_zero_then_bounded() {
+        let normalizer = Normalizer::from_columns(&observations(), 10.0);
+        let mut y = [f32::NAN; 3];
+        normalizer.normalize(&[0.0, 1e6, 4.2], &mut y);
+        assert!(y[2].abs() < 1e-6, "{}", y[2]);
+        normalizer.normalize(&[0.0, 1e6, 5.2], &mut y);
+        assert_eq!(y[2], 10.0);
     }
 }

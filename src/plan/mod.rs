@@ -1,16 +1,28 @@
 //! The plan: from a specification to an ordered list of fully resolved runs.
 //!
 //! Owns the product of the axes, the resolution of hyperparameters, and every run's id and fingerprint. Pure: reads no
-//! file, starts nothing. Start at [`RunSpec`].
+//! file, starts nothing. Start at [`plan`] and [`RunSpec`].
 
-use std::{collections::BTreeMap, path::PathBuf};
+mod id;
+mod identity;
+mod selection;
+
+use std::{
+    collections::{BTreeMap, HashMap},
+    path::PathBuf,
+};
 
 use serde::{Deserialize, Serialize};
+
+pub use crate::spec::{Selection, SelectionError};
+pub use identity::{Versions, differences};
 
 use crate::{
     env::{EnvId, Reward},
     rng::Seed,
-    spec::{Algorithm, Budget, Checkpoint, Evaluation, Network, Rollout},
+    spec::{
+        Algorithm, Budget, Checkpoint, Evaluation, ExperimentSpec, Network, Parameter, ResolveError, Rollout, Settings,
+    },
 };
 
 /// One run, with nothing left to default.
@@ -24,7 +36,7 @@ pub struct RunSpec {
     pub seed: Seed,
     /// The environment.
     pub env: EnvId,
-    /// The values of the block's axes that apply to it, `d` and `epsilon` with dots resolved, for reports.
+    /// The values of the block's axes that apply to it, and `d` and `epsilon` where the algorithm has them, for reports.
     pub axes: BTreeMap<String, toml::Value>,
     /// The reward that is trained on.
     pub reward: Reward,
@@ -44,4 +56,145 @@ pub struct RunSpec {
     pub evaluation: Evaluation,
     /// When checkpoints are written.
     pub checkpoint: Checkpoint,
+}
+
+/// A specification that gives no plan.
+#[derive(Debug, thiserror::Error)]
+pub enum PlanError {
+    /// A run cannot be resolved.
+    #[error(transparent)]
+    Resolve(#[from] ResolveError),
+    /// Two runs that differ would share a folder.
+    #[error("two different runs would both be called {id}: {}", differences.join("; "))]
+    SameId {
+        /// The id.
+        id: String,
+        /// What differs.
+        differences: Vec<String>,
+    },
+}
+
+/// The axes that every run of an algorithm that has them carries, varied or not.
+const ALWAYS: [&str; 2] = ["d", "epsilon"];
+
+/// Every run of `spec`, each once: block after block, in each by environment, algorithm, axes (the last one fastest),
+/// and seed innermost. A run that several blocks name stands where the first one names it.
+///
+/// Errors: a value cannot be resolved, which [`load`](crate::spec::load) would have refused, or two runs that differ
+/// would have one id.
+pub fn plan(spec: &ExperimentSpec) -> Result<Vec<RunSpec>, PlanError> {
+    let mut runs: Vec<RunSpec> = Vec::new();
+    let mut known: HashMap<String, usize> = HashMap::new();
+    let mut ids: HashMap<String, usize> = HashMap::new();
+    for block in &spec.matrix {
+        for (env, algorithm, axes) in block.combinations() {
+            let (settings, algorithm) = spec.resolve(env, algorithm, &axes)?;
+            let keys: Vec<&str> = axes.iter().map(|(key, _)| *key).collect();
+            let run = RunSpec::new(spec, env, settings, algorithm, &keys);
+            for &seed in &block.seed {
+                let run = RunSpec { id: format!("{}/seed-{seed}", run.id), seed: Seed(seed), ..run.clone() };
+                if known.contains_key(&run.identity()) {
+                    continue;
+                }
+                if let Some(&other) = ids.get(&run.id) {
+                    let differences = differences(&runs[other], &run);
+                    return Err(PlanError::SameId { id: run.id, differences });
+                }
+                known.insert(run.identity(), runs.len());
+                ids.insert(run.id.clone(), runs.len());
+                runs.push(run);
+            }
+        }
+    }
+    Ok(runs)
+}
+
+impl RunSpec {
+    /// The run of seed 0, its id without the seed, under the axes `keys`.
+    fn new(spec: &ExperimentSpec, env: EnvId, settings: Settings, algorithm: Algorithm, keys: &[&str]) -> Self {
+        let demonstration = algorithm.uses_demonstration().then_some(settings.demonstrations);
+        let mut run = Self {
+            experiment: spec.name.clone(),
+            id: String::new(),
+            seed: Seed(0),
+            env,
+            axes: BTreeMap::new(),
+            reward: settings.reward,
+            max_steps: settings.max_steps.get(),
+            demonstration,
+            algorithm,
+            network: settings.network,
+            rollout: settings.rollout,
+            budget: settings.budget,
+            evaluation: settings.evaluation,
+            checkpoint: settings.checkpoint,
+        };
+        let varied: BTreeMap<String, toml::Value> =
+            keys.iter().filter_map(|key| Some(((*key).to_owned(), run.value(key)?))).collect();
+        run.id = format!("{env}/{}", id::folder(run.algorithm_name(), &varied));
+        run.axes = ALWAYS.iter().filter_map(|key| Some(((*key).to_owned(), run.value(key)?))).chain(varied).collect();
+        run
+    }
+
+    /// The algorithm's name.
+    pub fn algorithm_name(&self) -> &'static str {
+        self.algorithm.name()
+    }
+
+    /// The tolerance d, where the algorithm has one.
+    pub fn d(&self) -> Option<f64> {
+        self.value("d")?.as_float()
+    }
+
+    /// The annealing factor epsilon, where the algorithm has one.
+    pub fn epsilon(&self) -> Option<f64> {
+        self.value("epsilon")?.as_float()
+    }
+
+    /// The resolved value of `env`, `algorithm`, `seed`, a setting (`budget.env_steps`) or a hyperparameter (`d`,
+    /// `mcpo.max_kl`); `None` where this run has no such thing.
+    pub fn value(&self, key: &str) -> Option<toml::Value> {
+        match key {
+            "env" => Some(toml::Value::String(self.env.name().into())),
+            "algorithm" => Some(toml::Value::String(self.algorithm_name().into())),
+            "seed" => toml::Value::try_from(self.seed).ok(),
+            _ => match Parameter::find(key)? {
+                Parameter::Setting(key) => look_up(&self.settings(), &key),
+                parameter => {
+                    look_up(&self.algorithm.hyperparameters(), parameter.hyperparameter_of(self.algorithm_name())?)
+                }
+            },
+        }
+    }
+
+    /// The algorithm with the values of its axes, as in `mcpo d=0.001 epsilon=0`.
+    pub fn label(&self) -> String {
+        let prefix = format!("{}.", self.algorithm_name());
+        let axes = self
+            .axes
+            .iter()
+            .map(|(key, value)| format!(" {}={}", key.strip_prefix(&prefix).unwrap_or(key), id::short(key, value)));
+        std::iter::once(self.algorithm_name().to_owned()).chain(axes).collect()
+    }
+
+    /// Everything that is set, but for the algorithm, by the keys of the file.
+    fn settings(&self) -> toml::Table {
+        let mut table = toml::Table::try_from(self).expect("a run is tables of numbers, names and lists");
+        if let Some(path) = table.remove("demonstration") {
+            table.insert("demonstrations".into(), path);
+        }
+        table
+    }
+}
+
+fn look_up(table: &toml::Table, key: &str) -> Option<toml::Value> {
+    let (first, rest) = match key.split_once('.') {
+        Some((first, rest)) => (first, Some(rest)),
+        None => (key, None),
+    };
+    let value = table.get(first)?;
+    match rest {
+        None => Some(value.clone()),
+        Some(rest) => look_up(value.as_table()?, rest),
+    }
 }

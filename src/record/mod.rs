@@ -1,1 +1,159 @@
-//! TODO
+//! What runs leave on the disk, and how it is read back.
+//!
+//! Owns the layout of the results, the Parquet rows, policies, manifests, checkpoints and claims, and the rule that whatever
+//! is final is written beside its place, synced and renamed into it. Knows nothing of queues, processes or figures: it is told
+//! what happened. Start at [`RunPaths`], then [`rows`] and [`Manifest`].
+
+pub mod checkpoint;
+mod claim;
+mod heartbeat;
+mod manifest;
+mod paths;
+pub mod policy;
+mod provenance;
+pub mod rows;
+
+use std::{
+    fs::{self, File},
+    io::{self, Write},
+    path::{Path, PathBuf},
+};
+
+pub use checkpoint::Checkpoint;
+pub use claim::Claim;
+pub use heartbeat::Heartbeat;
+pub use manifest::{Attempt, Manifest, Outcome};
+pub use paths::{RunPaths, check_writable, experiment_folder};
+pub use provenance::{Build, Origin, Stamp, now};
+
+/// What can go wrong when results are written or read; the message names the file.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordError {
+    /// The operating system refused.
+    #[error("cannot {action} {}: {source}{}", path.display(), hint(source))]
+    Io {
+        /// What was being done, as a verb.
+        action: &'static str,
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// A name that would not stay in its folder.
+    #[error("`{name}` cannot name a folder of results: {reason}")]
+    Name {
+        /// As it was given.
+        name: String,
+        /// Why not.
+        reason: &'static str,
+    },
+    /// The file is there but not what it should be.
+    #[error("{} is not {expected}: {reason}", path.display())]
+    Malformed {
+        /// The file.
+        path: PathBuf,
+        /// What it should be.
+        expected: &'static str,
+        /// What is wrong with it.
+        reason: String,
+    },
+}
+
+/// What to do about the commonest refusals.
+fn hint(source: &io::Error) -> &'static str {
+    match source.kind() {
+        io::ErrorKind::StorageFull => {
+            "; make room and run again: what is recorded is kept, and runs go on from their checkpoints"
+        }
+        io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
+            "; make it writable or name another folder with --results"
+        }
+        _ => "",
+    }
+}
+
+/// Turns an [`io::Error`] into ours, with what was being done to which file.
+pub(crate) fn io_error(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> RecordError {
+    let path = path.to_owned();
+    move |source| RecordError::Io { action, path, source }
+}
+
+/// Writes a file whole or not at all: beside its place, synced, renamed. Whoever reads `path` at any instant, after a power
+/// cut too, finds the old content or the new.
+///
+/// Errors: the folder is missing, full or not writable; `path` is then as it was.
+pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), RecordError> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut file = beside(folder).map_err(io_error("write", path))?;
+    file.write_all(bytes).and_then(|()| file.as_file().sync_all()).map_err(io_error("write", path))?;
+    file.persist(path).map_err(|error| io_error("write", path)(error.error))?;
+    sync_folder(folder)
+}
+
+/// An unnamed file in `folder`, readable as the user's other files are (a bare temporary file is its owner's alone).
+fn beside(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".writing-");
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        builder.permissions(fs::Permissions::from_mode(0o666)); // less the umask
+    }
+    builder.tempfile_in(folder)
+}
+
+/// Makes the names in `folder` outlive a power cut.
+pub(crate) fn sync_folder(folder: &Path) -> Result<(), RecordError> {
+    File::open(folder).and_then(|file| file.sync_all()).map_err(io_error("sync", folder))
+}
+
+/// Renames `from` to `to` and makes the change outlive a power cut.
+pub(crate) fn rename(from: &Path, to: &Path) -> Result<(), RecordError> {
+    fs::rename(from, to).map_err(io_error("rename", from))?;
+    to.parent().map_or(Ok(()), sync_folder)
+}
+
+/// The content of a file of at most `limit` bytes; `None` where there is no such file.
+pub(crate) fn read_bounded(path: &Path, limit: u64) -> Result<Option<Vec<u8>>, RecordError> {
+    match fs::metadata(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+        Err(error) => return Err(io_error("read", path)(error)),
+        Ok(metadata) if metadata.len() > limit => {
+            let reason = format!("it has {} bytes; at most {limit} are read", metadata.len());
+            return Err(RecordError::Malformed { path: path.to_owned(), expected: "a file of this program", reason });
+        }
+        Ok(_) => {}
+    }
+    match fs::read(path) {
+        Ok(bytes) => Ok(Some(bytes)),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(io_error("read", path)(error)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_write_that_fails_leaves_the_old_content_and_nothing_beside_it() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let missing = folder.path().join("missing").join("file");
+        assert!(write_atomically(&missing, b"new").expect_err("no folder").to_string().contains("missing"));
+        let taken = folder.path().join("taken");
+        fs::create_dir(&taken).expect("a folder in the way");
+        assert!(write_atomically(&taken, b"new").is_err());
+        assert_eq!(fs::read_dir(folder.path()).expect("readable").count(), 1, "a temporary file was left");
+    }
+
+    #[test]
+    fn a_write_replaces_what_was_there() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("file");
+        write_atomically(&path, b"old").expect("written");
+        write_atomically(&path, b"new").expect("written");
+        assert_eq!(read_bounded(&path, 10).expect("readable"), Some(b"new".to_vec()));
+        assert!(read_bounded(&path, 2).is_err(), "the limit was not kept");
+        assert_eq!(read_bounded(&folder.path().join("none"), 2).expect("absence is no error"), None);
+    }
+}

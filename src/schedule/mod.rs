@@ -1,1 +1,73 @@
-//! TODO
+//! From a list of runs to recorded results: which runs are due, in which order, in how many processes.
+//!
+//! Owns the queue, the worker processes and what they tell, retries, signals and the display of progress. Knows nothing of
+//! TOML or of what training does inside: a run is a [`Job`](event::Job) whose process tells [`Event`](event::Event)s. Start at
+//! [`campaign::run`]; [`preflight`] is what must hold before it, [`worker`] the other end of the pipe.
+
+pub mod campaign;
+pub mod cost;
+pub mod event;
+mod failure;
+pub mod local;
+pub mod preflight;
+pub mod progress;
+mod recorder;
+pub mod state;
+pub mod stop;
+pub mod worker;
+
+use std::{io, time::Duration};
+
+use event::{Job, Message};
+
+/// Where jobs run: processes on this machine, or a cluster's. Jobs are told apart by a number of the caller's.
+pub trait Executor {
+    /// Starts a job.
+    ///
+    /// Errors: no process can be started.
+    fn start(&mut self, number: usize, job: &Job) -> io::Result<()>;
+
+    /// The next thing that a job tells, within `timeout`. The last message of every job is [`Message::Exited`].
+    fn wait(&mut self, timeout: Duration) -> Option<(usize, Message)>;
+
+    /// Asks a job to write a checkpoint and leave.
+    fn stop(&mut self, number: usize);
+
+    /// Ends a job at once.
+    fn kill(&mut self, number: usize);
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use std::path::Path;
+
+    use super::state::Planned;
+    use crate::{
+        plan::{self, RunSpec},
+        record::{Build, RunPaths, Stamp},
+        spec::{self, Overrides},
+    };
+
+    /// A small run of its own, told apart by `name` and `seed`.
+    pub(crate) fn spec(name: &str, seed: u64) -> RunSpec {
+        let text = format!(
+            "name = {name:?}\nbudget.env_steps = 1024\nrollout.steps = 256\nnetwork.hidden = [8]\nalgorithms.ppo.minibatch = 64\n\
+             [[matrix]]\nseed = [{seed}]\nenv = [\"InvertedPendulum-v2\"]\nalgorithm = [\"ppo\"]\n"
+        );
+        let spec = spec::parse(Path::new("test.toml"), &text, &Overrides::default()).expect("a matrix");
+        plan::plan(&spec).expect("a plan").remove(0)
+    }
+
+    /// The same with its places under `results`.
+    pub(crate) fn planned(results: &Path, name: &str, seed: u64) -> Planned {
+        let spec = spec(name, seed);
+        let stamp = Stamp {
+            spec: serde_json::to_value(&spec).expect("JSON"),
+            fingerprint: format!("{name}-{seed}"),
+            build: Build::current(serde_json::Value::Null),
+            origin: None,
+        };
+        let paths = RunPaths::new(results, &spec.experiment, &spec.id).expect("a good id");
+        Planned { spec, paths, stamp }
+    }
+}

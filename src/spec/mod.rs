@@ -1,54 +1,70 @@
 //! The matrix file: from TOML text to a typed specification.
 //!
 //! Owns the format, the layers that make it up, and the errors that point at a line. Knows nothing of how runs are made
-//! or trained. Start at [`ExperimentSpec`]; the format is documented in `experiments/README.md`.
+//! or trained. Start at [`load`] and [`ExperimentSpec`]; the format is documented in `experiments/README.md`.
 
-use std::{collections::BTreeMap, path::PathBuf};
+mod algorithm;
+mod assemble;
+mod catalog;
+mod check;
+mod cross;
+mod error;
+mod figure;
+mod layers;
+mod names;
+mod parameter;
+mod resolve;
+mod schema;
+mod selection;
+mod settings;
+mod source;
 
-use serde::{Deserialize, Serialize};
-
-use crate::{
-    algo,
-    env::{EnvId, Reward},
-    quantity::{Count, EnvSteps, Positive},
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
 };
+
+pub use algorithm::Algorithm;
+pub use error::{Place, SpecError, SpecErrors};
+pub use figure::{Figure, Table};
+pub(crate) use parameter::Parameter;
+pub use resolve::ResolveError;
+pub use schema::schema;
+pub use selection::{Selection, SelectionError};
+pub use settings::{Budget, Checkpoint, Evaluation, Network, Rollout, Settings};
+
+use crate::env::EnvId;
 
 /// One experiment file, after its layers are merged.
 ///
-/// Hyperparameters stay TOML tables here: their defaults depend on the environment, so [`crate::plan`] resolves them run
-/// by run. They were checked, key by key, when the file was read.
+/// Settings and hyperparameters stay TOML tables here: their defaults depend on the environment, so
+/// [`resolve`](ExperimentSpec::resolve) makes them types run by run. They were checked, key by key, when the file was
+/// read.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ExperimentSpec {
     /// Name of the experiment, and of its folder under the results.
     pub name: String,
     /// A sentence for people.
     pub description: String,
-    /// How long each run is.
-    pub budget: Budget,
-    /// How experience is collected.
-    pub rollout: Rollout,
-    /// How and when policies are evaluated.
-    pub evaluation: Evaluation,
-    /// The networks' shapes.
-    pub network: Network,
-    /// When checkpoints are written.
-    pub checkpoint: Checkpoint,
+    /// What is set for all runs: [`Settings`], where given.
+    pub settings: toml::Table,
+    /// `[algorithms]`: hyperparameters by the algorithm's name, where given.
+    pub algorithms: toml::Table,
+    /// `[environments.NAME]`: settings and `algorithms` for one environment.
+    pub environments: BTreeMap<EnvId, toml::Table>,
     /// The blocks of the matrix, in order.
     pub matrix: Vec<Block>,
-    /// `[algorithms.NAME]`: overrides of hyperparameters.
-    pub algorithms: BTreeMap<String, toml::Table>,
-    /// `[environments.NAME]`: overrides of the task.
-    pub environments: BTreeMap<EnvId, Environment>,
     /// `[[figures]]`.
     pub figures: Vec<Figure>,
     /// `[[tables]]`.
     pub tables: Vec<Table>,
-    /// The folder of the file; relative paths in it start there.
+    /// The folder of the file.
     pub folder: PathBuf,
+    missing: Vec<SpecError>,
 }
 
 /// One `[[matrix]]` block: every combination of its lists is one run.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Block {
     /// Seeds.
     pub seed: Vec<u64>,
@@ -60,115 +76,80 @@ pub struct Block {
     pub axes: Vec<(String, Vec<toml::Value>)>,
 }
 
-/// `[budget]`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Budget {
-    /// Steps in the environments, over all of a run.
-    pub env_steps: EnvSteps,
+/// What is set on the command line, over the file and the environment variables.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Overrides {
+    /// `--set`: `KEY=VALUE`, the key as in the file (`budget.env_steps=100000`).
+    pub set: Vec<String>,
+    /// `--axis`: `KEY=VALUE,VALUE...`, replaces the list of that axis in every block that has it.
+    pub axis: Vec<String>,
 }
 
-/// `[rollout]`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Rollout {
-    /// Steps of one iteration, over all environments.
-    pub steps: Count,
-    /// Environments stepped together in one process.
-    pub environments: Count,
+/// The specification in the file at `path`, over the files that it extends and under `MCPO_...` variables and
+/// `overrides`.
+///
+/// Errors: everything that is wrong in any layer, and everything that does not go together.
+pub fn load(path: &Path, overrides: &Overrides) -> Result<ExperimentSpec, SpecErrors> {
+    assemble::assemble(path, None, overrides)
 }
 
-/// `[evaluation]`: episodes with the mean action and a frozen normaliser, on the dense and the sparse reward.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Evaluation {
-    /// Environment steps of training between two evaluations; the last policy is evaluated in any case.
-    pub every: EnvSteps,
-    /// Episodes of each evaluation under way.
-    pub episodes: Count,
-    /// Episodes of the evaluation at the end of training.
-    pub final_episodes: Count,
+/// The same for a `text` as if it stood at `path`, whatever the environment variables say.
+///
+/// Errors: as for [`load`].
+pub fn parse(path: &Path, text: &str, overrides: &Overrides) -> Result<ExperimentSpec, SpecErrors> {
+    assemble::assemble(path, Some(text), overrides)
 }
 
-/// `[network]`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Network {
-    /// Widths of the hidden layers of policy, value and discriminator networks.
-    pub hidden: Vec<Count>,
-    /// The policy's standard deviation at the start, in units of the action.
-    pub initial_std: Positive,
-    /// Normalised observations are clipped to this, on either side.
-    pub observation_clip: Positive,
+/// One combination of a block but for its seed: environment, algorithm, and the values of the axes that apply to it.
+pub type Combination<'a> = (EnvId, &'a str, Vec<(&'a str, &'a toml::Value)>);
+
+impl ExperimentSpec {
+    /// Whether its runs can start.
+    ///
+    /// Errors: demonstrations that are not there. A report needs none, so [`load`] does not refuse them.
+    pub fn ready(&self) -> Result<(), SpecErrors> {
+        SpecErrors::none_or(self.missing.clone())
+    }
 }
 
-/// `[checkpoint]`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Checkpoint {
-    /// Keep the policy every so many environment steps, for `demo collect`; none is kept when absent.
-    #[serde(skip_serializing_if = "Option::is_none", default)]
-    pub keep_policy_every: Option<EnvSteps>,
-}
+impl Block {
+    /// Every combination but for the seeds, in order: environment, algorithm, then the axes, the last one fastest. An axis
+    /// that an algorithm does not have does not multiply its runs.
+    pub fn combinations(&self) -> Vec<Combination<'_>> {
+        let mut all = Vec::new();
+        for &env in &self.env {
+            for algorithm in &self.algorithm {
+                let mut products: Vec<Vec<(&str, &toml::Value)>> = vec![Vec::new()];
+                for (key, values) in self.applicable(algorithm) {
+                    products = products
+                        .into_iter()
+                        .flat_map(|axes| {
+                            values.iter().map(move |value| {
+                                let mut axes = axes.clone();
+                                axes.push((key, value));
+                                axes
+                            })
+                        })
+                        .collect();
+                }
+                all.extend(products.into_iter().map(|axes| (env, algorithm.as_str(), axes)));
+            }
+        }
+        all
+    }
 
-/// `[environments.NAME]`.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Environment {
-    /// The reward that is trained on; the paper's sparse one when absent.
-    pub reward: Option<Reward>,
-    /// The time limit in steps; Gym's when absent.
-    pub max_steps: Option<Count>,
-    /// The demonstration's file; `experiments/demos/NAME.parquet` when absent.
-    pub demonstrations: Option<PathBuf>,
-}
+    /// The number of runs.
+    fn size(&self) -> usize {
+        let one = |algorithm| self.applicable(algorithm).map(|(_, values)| values.len()).fold(1, usize::saturating_mul);
+        let combinations = self.algorithm.iter().map(|name| one(name)).fold(0, usize::saturating_add);
+        combinations.saturating_mul(self.env.len()).saturating_mul(self.seed.len())
+    }
 
-/// `[[figures]]`: learning curves, one panel an environment.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Figure {
-    /// File name without extension.
-    pub name: String,
-    /// Title above the panels.
-    pub title: String,
-    /// What is drawn: `return` (evaluations, dense), `training_return` or a column of `progress.parquet`.
-    pub y: String,
-    /// Axes whose values make one curve each, such as `["d"]`.
-    pub series: Vec<String>,
-    /// Runs that are drawn, as for `--only`; all when absent.
-    #[serde(skip_serializing_if = "Option::is_none", default)]
-    pub only: Option<String>,
-    /// Whether the y axis is logarithmic.
-    #[serde(default)]
-    pub log_y: bool,
-}
-
-/// `[[tables]]`: returns at the end of training beside the paper's.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Table {
-    /// File name without extension.
-    pub name: String,
-    /// Title above the table.
-    pub title: String,
-    /// Axes whose values make one row each.
-    pub rows: Vec<String>,
-    /// The axis whose values make one column each.
-    pub columns: String,
-    /// Runs that count, as for `--only`; all when absent.
-    #[serde(skip_serializing_if = "Option::is_none", default)]
-    pub only: Option<String>,
-    /// The paper's table to compare with: `table3`, `table4` or `table5`.
-    #[serde(skip_serializing_if = "Option::is_none", default)]
-    pub reference: Option<String>,
-}
-
-/// An algorithm with its hyperparameters; externally tagged, so that errors keep their place.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Algorithm {
-    /// PPO.
-    Ppo(algo::ppo::Hyperparameters),
-    /// MCPO.
-    Mcpo(algo::mcpo::Hyperparameters),
+    /// The axes that `algorithm` has.
+    fn applicable(&self, algorithm: &str) -> impl Iterator<Item = (&str, &[toml::Value])> {
+        self.axes
+            .iter()
+            .filter(move |(key, _)| Parameter::find(key).is_some_and(|parameter| parameter.applies_to(algorithm)))
+            .map(|(key, values)| (key.as_str(), values.as_slice()))
+    }
 }

@@ -3,7 +3,15 @@
 //! Owns the loops, the rollout and the evaluation, and the one `match` from specifications to objects. Knows nothing of
 //! files or processes: what happens is told to a [`RunSink`]. Start at [`run`].
 
+pub mod build;
+pub mod evaluate;
+mod offline;
+mod on_policy;
+pub mod rollout;
+
 use serde::{Deserialize, Serialize};
+
+use build::Learner;
 
 use crate::{
     algo::{Agent, AlgoError, Update},
@@ -29,6 +37,8 @@ pub struct Iteration {
     pub episode_length: Option<f64>,
     /// What the update did.
     pub update: Update,
+    /// Seconds in the environments' physics, part of the rollout's.
+    pub physics_seconds: f64,
     /// Seconds of the rollout.
     pub rollout_seconds: f64,
     /// Seconds of the update.
@@ -87,6 +97,9 @@ pub enum TrainError {
     /// The demonstration.
     #[error(transparent)]
     Demo(#[from] DemoError),
+    /// An algorithm that needs a demonstration was given none.
+    #[error("this algorithm needs a demonstration; name its file with `environments.<env>.demonstrations`")]
+    NoDemonstration,
     /// The update.
     #[error("iteration {iteration}: {source}")]
     Algo {
@@ -116,6 +129,9 @@ pub enum Ending {
 ///
 /// Errors: the demonstration or a checkpoint cannot be used, training diverged, or the sink failed.
 pub fn run(spec: &RunSpec, checkpoint: Option<&[u8]>, sink: &mut dyn RunSink) -> Result<Ending, TrainError> {
-    let _ = (spec, checkpoint, sink);
-    todo!()
+    match build::learner(spec)? {
+        Learner::OnPolicy(algorithm) => on_policy::run(spec, algorithm, checkpoint, sink),
+        Learner::Offline(agent) => offline::run(spec, Some(&agent), sink),
+        Learner::Uniform => offline::run(spec, None, sink),
+    }
 }

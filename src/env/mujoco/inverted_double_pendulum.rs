@@ -55,3 +55,21 @@ fn second_pole_height(simulation: &Simulation) -> f64 {
     let (first, second) = (simulation.qpos()[1], simulation.qpos()[2]);
     LENGTH * first.cos() + LENGTH / 2.0 * (first + second).cos()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_second_poles_centre_is_where_the_engine_has_it() {
+        const SECOND_POLE: usize = 3;
+        let definition = &INVERTED_DOUBLE_PENDULUM;
+        let mut simulation = Simulation::new(definition.env, definition.model).expect("the model loads");
+        for angles in [[0.0, 0.0], [0.3, 0.2], [-1.0, 0.4], [2.0, -3.0]] {
+            simulation.start(|simulation| simulation.qpos_mut()[1..].copy_from_slice(&angles));
+            let base = simulation.body_position(SECOND_POLE)[2];
+            let (_, tip) = tip(&simulation);
+            assert!((second_pole_height(&simulation) - (base + tip) / 2.0).abs() < 1e-12, "{angles:?}");
+        }
+    }
+}

@@ -16,6 +16,7 @@ pub(super) use half_cheetah::HALF_CHEETAH;
 pub(super) use hopper::HOPPER;
 pub(super) use inverted_double_pendulum::INVERTED_DOUBLE_PENDULUM;
 pub(super) use inverted_pendulum::INVERTED_PENDULUM;
+pub use simulation::engine_version;
 pub(super) use walker2d::WALKER2D;
 
 use rand::RngExt;
@@ -160,6 +161,16 @@ impl Environment for MujocoEnvironment {
         (self.start, self.position) = (state[0], state[1]);
         Ok(())
     }
+}
+
+/// A digest of the models of all tasks, hexadecimal.
+pub fn models_digest() -> String {
+    let definitions = [&INVERTED_PENDULUM, &INVERTED_DOUBLE_PENDULUM, &HALF_CHEETAH, &HOPPER, &WALKER2D, &ANT];
+    let mut hasher = blake3::Hasher::new();
+    for definition in definitions {
+        hasher.update(definition.model.as_bytes());
+    }
+    hasher.finalize().to_hex()[..16].to_owned()
 }
 
 /// The position of tasks whose first coordinate is the one along the track.

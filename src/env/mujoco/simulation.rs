@@ -8,6 +8,8 @@ use crate::env::{EnvError, EnvId, Pose, check_finite, check_length};
 
 /// What the next step depends on, the solver's warm start included.
 const STATE: u32 = MjtState::mjSTATE_INTEGRATION as u32;
+/// The engine that the bindings are made for; they panic on any other.
+const ENGINE_VERSION: &str = "3.17.0";
 /// MuJoCo's own bound (`mjMAXVAL`): beyond it a number counts as diverged.
 const MAX_MAGNITUDE: f64 = 1e10;
 
@@ -20,10 +22,14 @@ pub(super) struct Simulation {
 impl Simulation {
     /// The simulation of `model` (MJCF).
     ///
-    /// Errors: MuJoCo refuses the model.
+    /// Errors: the library is of another version, or refuses the model.
     pub(super) fn new(env: EnvId, model: &str) -> Result<Self, EnvError> {
         send_messages_to_the_log();
         let refused = |message: String| EnvError::Engine { env, message };
+        let version = mujoco_rs::mujoco_version();
+        if version != ENGINE_VERSION {
+            return Err(refused(format!("the library's version is {version}; {ENGINE_VERSION} is needed")));
+        }
         let model = MjModel::from_xml_string(model).map_err(|error| refused(error.to_string()))?;
         let data = MjData::try_new(Box::new(model)).map_err(|error| refused(error.to_string()))?;
         Ok(Self { env, data })
@@ -87,18 +93,15 @@ impl Simulation {
         self.data.qvel_mut()
     }
 
-    /// Steps `times` under `action`, clamped to the controls' range.
+    /// Steps `times` under `action`, which MuJoCo clamps to the controls' range.
     ///
     /// Errors: the action has a wrong length or is not finite; the state diverged, upon which MuJoCo has put it back
     /// to the model's start.
     pub(super) fn advance(&mut self, action: &[f64], times: usize) -> Result<(), EnvError> {
-        check_length(self.env, "the action", action.len(), self.control_range().len())?;
+        let controls = self.data.ctrl_mut();
+        check_length(self.env, "the action", action.len(), controls.len())?;
         check_finite(self.env, "the action", action)?;
-        for (i, &a) in action.iter().enumerate() {
-            // Gym leaves the clamping to MuJoCo, which would replace every control by 0 where one is beyond 1e10.
-            let [low, high] = self.control_range()[i];
-            self.data.ctrl_mut()[i] = a.clamp(low, high);
-        }
+        controls.copy_from_slice(action);
         for _ in 0..times {
             self.data.step();
         }
@@ -159,4 +162,9 @@ fn send_messages_to_the_log() {
         // waits here until the handler is set.
         unsafe { mujoco_rs::logging::set_log_handler(log) }
     });
+}
+
+/// The engine's version, such as `3.17.0`.
+pub fn engine_version() -> &'static str {
+    mujoco_rs::mujoco_version()
 }

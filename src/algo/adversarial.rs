@@ -1,0 +1,48 @@
+//! Learning from a discriminator's reward beside the task's: what POfD and GAIL share.
+//!
+//! Owns one iteration of it: one update of the discriminator, new rewards for the batch, one update of the policy. Knows
+//! nothing of how the policy is updated. Start at [`Adversarial`].
+
+use super::{Agent, AlgoError, Batch, OnPolicy, Update, discriminator::Discriminator};
+use crate::rng::Rng;
+
+/// An algorithm whose rewards are `task r - imitation log D(s, a)`.
+pub struct Adversarial {
+    /// Which of the two the batch came from.
+    pub discriminator: Discriminator,
+    /// Weight of the task's own reward.
+    pub task: f64,
+    /// Weight of the discriminator's.
+    pub imitation: f64,
+    /// What improves the policy on these rewards.
+    pub inner: Box<dyn OnPolicy>,
+}
+
+impl OnPolicy for Adversarial {
+    fn agent(&self) -> &Agent {
+        self.inner.agent()
+    }
+
+    fn agent_mut(&mut self) -> &mut Agent {
+        self.inner.agent_mut()
+    }
+
+    fn update(&mut self, batch: &Batch, rng: &mut Rng) -> Result<Update, AlgoError> {
+        let loss = self.discriminator.update(batch, &self.inner.agent().normalizer)?;
+        let mut relabelled = batch.clone();
+        for (reward, imitation) in relabelled.rewards.iter_mut().zip(self.discriminator.imitation_rewards(batch)) {
+            *reward = self.task * *reward + self.imitation * imitation;
+        }
+        Ok(Update { discriminator_loss: Some(loss), ..self.inner.update(&relabelled, rng)? })
+    }
+
+    fn save(&self) -> Vec<u8> {
+        super::to_bytes(&(self.discriminator.save(), self.inner.save()))
+    }
+
+    fn restore(&mut self, state: &[u8]) -> Result<(), AlgoError> {
+        let (discriminator, inner): (Vec<u8>, Vec<u8>) = super::from_bytes("the adversarial method", state)?;
+        self.discriminator.restore(&discriminator)?;
+        self.inner.restore(&inner)
+    }
+}

@@ -1,0 +1,177 @@
+//! Behaviour cloning: supervised learning of the demonstration's actions (Schaal, 1997).
+//!
+//! Owns the regression that pre-training and BC alone share. Knows nothing of what follows it. Start at [`clone_behaviour`].
+
+use nalgebra::DMatrix;
+use rand::seq::SliceRandom;
+use serde::{Deserialize, Serialize};
+
+use super::{Agent, AlgoError, critic::gather, finite};
+use crate::{
+    demo::Demonstration,
+    env::EnvId,
+    nn::{GaussianPolicy, Normalizer, Pass},
+    quantity::{Count, Positive, constant},
+    rng::Rng,
+    solver::adam::Adam,
+};
+
+/// How the demonstration's actions are learned.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Hyperparameters {
+    /// Passes over the demonstration.
+    pub epochs: Count,
+    /// Adam's step size.
+    pub learning_rate: Positive,
+    /// Samples in a minibatch. The paper's 1024 would be one step an epoch on a demonstration of 1,000.
+    pub minibatch: Count,
+    /// What is minimised.
+    pub loss: Loss,
+}
+
+/// What behaviour cloning minimises.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Loss {
+    /// The mean over samples of the squared distance between the mean action and the demonstration's.
+    Mse,
+    /// The mean negative log-likelihood of the demonstration's actions; learns the standard deviation too.
+    Nll,
+}
+
+impl Hyperparameters {
+    /// The defaults, the same for every environment.
+    pub fn for_env(_: EnvId) -> Self {
+        Self { epochs: constant(50), learning_rate: constant(1e-4), minibatch: constant(64), loss: Loss::Mse }
+    }
+}
+
+/// Trains `agent`'s policy on `demonstration`, after setting its normaliser to the demonstration's own mean and variance,
+/// which later observations go on updating. The value network is left as it is: a demonstration holds no sparse returns.
+/// Calls `epoch` with the loss (over the whole demonstration) after each epoch.
+///
+/// Errors: the loss is no longer finite.
+pub fn clone_behaviour(
+    hyperparameters: &Hyperparameters,
+    demonstration: &Demonstration,
+    agent: &mut Agent,
+    rng: &mut Rng,
+    mut epoch: impl FnMut(u64, f64, &Agent),
+) -> Result<(), AlgoError> {
+    agent.normalizer = Normalizer::from_columns(&demonstration.observations, agent.normalizer.clip());
+    let observations = agent.normalizer.normalize_columns(&demonstration.observations);
+    let actions = demonstration.actions.map(|action| action as f32);
+
+    let mut optimizer = Adam::new(agent.policy.dim());
+    let mut parameters = agent.policy.parameters();
+    let mut gradient = vec![0.0; parameters.len()];
+    let mut pass = Pass::default();
+    let (mut some_observations, mut some_actions) = (DMatrix::zeros(0, 0), DMatrix::zeros(0, 0));
+    let mut order: Vec<usize> = (0..actions.ncols()).collect();
+    for number in 1..=hyperparameters.epochs.get() {
+        order.shuffle(rng);
+        for chosen in order.chunks(hyperparameters.minibatch.size()) {
+            gather(&observations, chosen, &mut some_observations);
+            gather(&actions, chosen, &mut some_actions);
+            loss(
+                hyperparameters.loss,
+                &agent.policy,
+                &some_observations,
+                &some_actions,
+                &mut pass,
+                Some(&mut gradient),
+            );
+            optimizer.step(&mut parameters, &gradient, hyperparameters.learning_rate.get());
+            agent.policy.set_parameters(&parameters);
+        }
+        let value = loss(hyperparameters.loss, &agent.policy, &observations, &actions, &mut pass, None);
+        epoch(number, finite("the loss of behaviour cloning", value)?, agent);
+    }
+    Ok(())
+}
+
+/// The loss of `policy` on `actions` (`[action_dim x n]`) at normalised `observations`, and its gradient where asked for.
+fn loss(
+    loss: Loss,
+    policy: &GaussianPolicy,
+    observations: &DMatrix<f32>,
+    actions: &DMatrix<f32>,
+    pass: &mut Pass,
+    gradient: Option<&mut [f32]>,
+) -> f64 {
+    let n = actions.ncols() as f64;
+    policy.forward(observations, pass);
+    match loss {
+        Loss::Mse => {
+            let errors = pass.output() - actions;
+            if let Some(gradient) = gradient {
+                policy.mean_gradient(observations, pass, &(&errors * (2.0 / n as f32)), gradient);
+            }
+            errors.iter().map(|&error| f64::from(error).powi(2)).sum::<f64>() / n
+        }
+        Loss::Nll => {
+            let mut densities = vec![0.0; actions.ncols()];
+            policy.log_densities(pass.output(), actions, &mut densities);
+            if let Some(gradient) = gradient {
+                policy.score(observations, pass, actions, &vec![-1.0 / n; actions.ncols()], gradient);
+            }
+            -densities.iter().sum::<f64>() / n
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        algo::bandit,
+        rng::{Seed, Stream},
+    };
+
+    fn cloned(loss: Loss) -> (Vec<f64>, Agent) {
+        let hyperparameters = Hyperparameters {
+            epochs: constant(100),
+            learning_rate: constant(3e-3),
+            loss,
+            ..Hyperparameters::for_env(EnvId::Hopper)
+        };
+        let mut agent = bandit::agent(0.5);
+        let mut losses = Vec::new();
+        let demonstration = bandit::demonstration(200, |s| 0.5 * s - 1.0);
+        let mut rng = Seed(0).stream(Stream::Pretraining, 0);
+        clone_behaviour(&hyperparameters, &demonstration, &mut agent, &mut rng, |_, loss, _| losses.push(loss))
+            .expect("finite");
+        (losses, agent)
+    }
+
+    #[test]
+    fn both_losses_learn_the_demonstrations_actions() {
+        for loss in [Loss::Mse, Loss::Nll] {
+            let (losses, agent) = cloned(loss);
+            assert_eq!(losses.len(), 100);
+            // The normaliser scales the observation by the demonstration's deviation; the policy has to undo that.
+            let mut normalized = [0.0];
+            agent.normalizer.normalize(&[0.4], &mut normalized);
+            let mut pass = Pass::default();
+            agent.policy.forward(&DMatrix::from_element(1, 1, normalized[0]), &mut pass);
+            let action = pass.output()[(0, 0)];
+            assert!((action + 0.8).abs() < 0.05, "{loss:?}: {action}");
+        }
+    }
+
+    #[test]
+    fn only_the_likelihood_learns_the_standard_deviation() {
+        assert_eq!(cloned(Loss::Mse).1.policy.log_std(), bandit::agent(0.5).policy.log_std());
+        assert!(cloned(Loss::Nll).1.policy.log_std()[0] < -1.0);
+    }
+
+    #[test]
+    fn an_action_that_is_not_a_number_is_an_error() {
+        let hyperparameters = Hyperparameters::for_env(EnvId::Hopper);
+        let demonstration = bandit::demonstration(10, |_| f64::NAN);
+        let mut rng = Seed(0).stream(Stream::Pretraining, 0);
+        let result = clone_behaviour(&hyperparameters, &demonstration, &mut bandit::agent(0.5), &mut rng, |_, _, _| {});
+        assert!(matches!(result, Err(AlgoError::Diverged { .. })));
+    }
+}

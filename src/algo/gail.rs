@@ -1,0 +1,80 @@
+//! GAIL (Ho and Ermon, 2016): the discriminator's reward alone, `-log D(s, a)`.
+//!
+//! Owns how its parts go together: POfD without the task's reward. Knows nothing of the discriminator's or the policy's
+//! update. Start at [`gail`].
+
+use serde::{Deserialize, Serialize};
+
+use super::{
+    Agent,
+    adversarial::Adversarial,
+    discriminator::{self, Discriminator},
+    pofd::PolicyUpdate,
+    ppo, trpo,
+};
+use crate::{demo::Demonstration, env::EnvId, rng::Seed};
+
+/// GAIL's hyperparameters.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Hyperparameters {
+    /// How the discriminator learns.
+    pub discriminator: discriminator::Hyperparameters,
+    /// Which update improves the policy.
+    pub policy_update: PolicyUpdate,
+    /// PPO's part.
+    pub ppo: ppo::Hyperparameters,
+    /// TRPO's part.
+    pub trpo: trpo::Hyperparameters,
+}
+
+impl Hyperparameters {
+    /// The defaults for `env`; TRPO, as in GAIL's own paper.
+    pub fn for_env(env: EnvId) -> Self {
+        Self {
+            discriminator: discriminator::Hyperparameters::default(),
+            policy_update: PolicyUpdate::Trpo,
+            ppo: ppo::Hyperparameters::for_env(env),
+            trpo: trpo::Hyperparameters::for_env(env),
+        }
+    }
+}
+
+/// GAIL from `agent` on, against `demonstration`.
+pub fn gail(hyperparameters: Hyperparameters, agent: Agent, demonstration: &Demonstration, seed: Seed) -> Adversarial {
+    let Hyperparameters { discriminator, policy_update, ppo, trpo } = hyperparameters;
+    Adversarial {
+        discriminator: Discriminator::new(discriminator, demonstration, agent.hidden(), seed),
+        task: 0.0,
+        imitation: 1.0,
+        inner: policy_update.start(ppo, trpo, agent),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        algo::{OnPolicy, bandit},
+        quantity::constant,
+        rng::Stream,
+    };
+
+    #[test]
+    fn it_imitates_though_the_task_pays_for_the_opposite() {
+        let mut hyperparameters = Hyperparameters::for_env(EnvId::Hopper);
+        hyperparameters.discriminator.learning_rate = constant(1e-2);
+        hyperparameters.trpo.max_kl = constant(2e-2);
+        hyperparameters.trpo.learning_rate = constant(1e-2);
+        hyperparameters.trpo.minibatch = constant(128);
+        let demonstration = bandit::demonstration(100, |s| s + 1.0);
+        let mut gail = gail(hyperparameters, bandit::agent(0.5), &demonstration, Seed(0));
+        let mut rng = Seed(0).stream(Stream::Update, 0);
+        for _ in 0..150 {
+            let batch = bandit::batch(gail.agent(), 512, |_, a| -a, &mut rng);
+            gail.update(&batch, &mut rng).expect("finite");
+        }
+        let distance = -bandit::score(gail.agent(), |s, a| -(a - s - 1.0).abs());
+        assert!(distance < 0.4, "{distance} from the demonstration's action; 1.0 at the start");
+    }
+}

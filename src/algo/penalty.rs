@@ -1,0 +1,199 @@
+//! The penalty method of the main paper's comparison: the surrogate minus a weighted MMD^2, with a fixed or a shrinking
+//! weight.
+//!
+//! Owns what MCPO replaces: `maximise E[(pi/pi_k) A] - w_k D(pi)` under the KL alone, `w_k+1 = w_k (1 - epsilon)`. Knows
+//! nothing of how D is measured. Start at [`Penalty`].
+
+use serde::{Deserialize, Serialize};
+
+use super::{
+    Agent, AlgoError, Batch, OnPolicy, Update,
+    critic::{self, Critic},
+    finite, gae, mimicry,
+    mimicry::{Costs, Mimicry},
+    stopwatch::Stopwatch,
+    trpo,
+    trust_region::{self, GAIN_SHARE, KL_MARGIN, Surrogate},
+};
+use crate::{
+    demo::Demonstration,
+    env::EnvId,
+    nn::{Fisher, Pass},
+    quantity::{NonNegative, UnitInterval, constant},
+    rng::{Rng, Seed},
+    solver::{conjugate_gradient::Limits, constrained_step},
+};
+
+/// The penalty method's hyperparameters.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Hyperparameters {
+    /// w, the weight of MMD^2 at the first iteration, in units of the discounted return.
+    pub weight: NonNegative,
+    /// How fast the weight shrinks: `w_k+1 = w_k (1 - epsilon)`; 0 keeps it.
+    pub epsilon: UnitInterval,
+    /// How MMD^2 to the demonstration is measured.
+    pub mmd: mimicry::Hyperparameters,
+    /// The trust-region step.
+    pub trpo: trpo::Hyperparameters,
+}
+
+impl Hyperparameters {
+    /// The defaults for `env`.
+    pub fn for_env(env: EnvId) -> Self {
+        Self {
+            weight: constant(1.0),
+            epsilon: constant(0.0),
+            mmd: mimicry::Hyperparameters::default(),
+            trpo: trpo::Hyperparameters::for_env(env),
+        }
+    }
+}
+
+/// The penalty method.
+pub struct Penalty {
+    hyperparameters: Hyperparameters,
+    mimicry: Mimicry,
+    state: State,
+    pass: Pass,
+    trial_pass: Pass,
+}
+
+#[derive(Serialize, Deserialize)]
+struct State {
+    agent: Agent,
+    critic: Critic,
+    /// w_k.
+    weight: f64,
+}
+
+impl Penalty {
+    /// The penalty method from `agent` on, near `demonstration`.
+    pub fn new(hyperparameters: Hyperparameters, agent: Agent, demonstration: &Demonstration, seed: Seed) -> Self {
+        let mimicry = Mimicry::new(hyperparameters.mmd.clone(), demonstration, agent.hidden(), seed);
+        let state = State { critic: Critic::new(&agent.value), agent, weight: hyperparameters.weight.get() };
+        Self { hyperparameters, mimicry, state, pass: Pass::default(), trial_pass: Pass::default() }
+    }
+}
+
+impl OnPolicy for Penalty {
+    fn agent(&self) -> &Agent {
+        &self.state.agent
+    }
+
+    fn agent_mut(&mut self) -> &mut Agent {
+        &mut self.state.agent
+    }
+
+    fn update(&mut self, batch: &Batch, rng: &mut Rng) -> Result<Update, AlgoError> {
+        let Self { hyperparameters, mimicry, state: State { agent, critic, weight }, pass, trial_pass } = self;
+        let h = &hyperparameters.trpo;
+        let mut watch = Stopwatch::start();
+        let (discount, lambda) = (h.discount.get(), h.gae_lambda.get());
+        let estimate = gae::estimate(batch, &batch.rewards, &agent.value, discount, lambda, trial_pass);
+        watch.lap("advantages");
+
+        let surrogate = Surrogate::new(&agent.policy, batch, &estimate.advantages, pass);
+        let fit = critic::Fit {
+            epochs: h.value_epochs.size(),
+            minibatch: h.minibatch.size(),
+            learning_rate: h.learning_rate.get(),
+            l2_penalty: h.l2_penalty.get(),
+        };
+        let costs = Costs { discount, lambda, fit };
+        let measured = mimicry.measure(agent, batch, &surrogate, pass, &costs, rng)?;
+        let mut g = surrogate.gradient(&agent.policy, pass);
+        for (g, b) in g.iter_mut().zip(&measured.gradient) {
+            *g = (*weight * f64::from(*b) - f64::from(*g)) as f32;
+        }
+        watch.lap("gradients");
+
+        let limits = Limits { iterations: h.cg_iterations.size(), relative_residual: 1e-10 };
+        let mut fisher = Fisher::new(&agent.policy, &batch.observations, pass, h.damping.get());
+        let solved = constrained_step(&mut fisher, &g, None, h.max_kl.get(), limits);
+        let step = solved.step.ok_or(AlgoError::Undefined { q: solved.q, r: solved.r, s: solved.s })?;
+        watch.lap("conjugate gradient");
+
+        let promised = -solved.objective_change;
+        let found = trust_region::search(&mut agent.policy, &step, h.line_search_steps.size(), |policy, fraction| {
+            let trial = surrogate.measure(policy, trial_pass);
+            let mmd = mimicry.at(&measured, policy, &trial.ratios);
+            let gain = trial.gain - *weight * (mmd - measured.mmd);
+            let tests = [
+                (trial.kl <= KL_MARGIN * h.max_kl.get(), "KL"),
+                (gain >= GAIN_SHARE * fraction * promised, "penalised surrogate"),
+            ];
+            tests.into_iter().find(|(passed, _)| !passed).map_or(Ok((trial, mmd)), |(_, failed)| Err(failed))
+        });
+        watch.lap("line search");
+        let value_loss = critic.fit(&mut agent.value, &batch.observations, &estimate.returns, fit, rng)?;
+        watch.lap("value");
+
+        *weight *= 1.0 - hyperparameters.epsilon.get();
+        let (step_fraction, kl, gain, mmd_after) = found
+            .map_or((0.0, 0.0, 0.0, measured.mmd), |(fraction, (trial, mmd))| (fraction, trial.kl, trial.gain, mmd));
+        Ok(Update {
+            kl: Some(finite("the KL", kl)?),
+            entropy: Some(agent.policy.entropy()),
+            surrogate_gain: Some(finite("the surrogate's gain", gain)?),
+            value_loss: Some(value_loss),
+            mmd: Some(measured.mmd),
+            mmd_after: Some(finite("D", mmd_after)?),
+            lambda: solved.solution.multipliers().map(|(lambda, _)| lambda),
+            step_fraction: Some(step_fraction),
+            cg_iterations: Some(solved.products as u64),
+            seconds: watch.laps(),
+            ..Update::default()
+        })
+    }
+
+    fn save(&self) -> Vec<u8> {
+        super::to_bytes(&(&self.state, self.mimicry.save()))
+    }
+
+    fn restore(&mut self, state: &[u8]) -> Result<(), AlgoError> {
+        let (state, mimicry): (State, Vec<u8>) = super::from_bytes("the penalty method", state)?;
+        self.mimicry.restore(&mimicry)?;
+        self.state = state;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{algo::bandit, rng::Stream};
+
+    fn sparse(s: f64, a: f64) -> f64 {
+        f64::from((a - s - 3.5).abs() < 0.3)
+    }
+
+    fn score(weight: f64) -> f64 {
+        let trpo = trpo::Hyperparameters {
+            max_kl: constant(2e-2),
+            learning_rate: constant(1e-2),
+            minibatch: constant(128),
+            ..trpo::Hyperparameters::for_env(EnvId::Hopper)
+        };
+        let hyperparameters = Hyperparameters {
+            weight: constant(weight),
+            epsilon: constant(0.05),
+            mmd: mimicry::Hyperparameters::default(),
+            trpo,
+        };
+        let demonstration = bandit::demonstration(100, |s| s + 2.9);
+        let mut penalty = Penalty::new(hyperparameters, bandit::agent(0.5), &demonstration, Seed(0));
+        let mut rng = Seed(0).stream(Stream::Update, 0);
+        for _ in 0..120 {
+            let batch = bandit::batch(penalty.agent(), 512, sparse, &mut rng);
+            penalty.update(&batch, &mut rng).expect("finite");
+        }
+        bandit::score(penalty.agent(), sparse)
+    }
+
+    #[test]
+    fn the_penalty_leads_to_a_reward_that_is_not_found_without_it() {
+        let (with, without) = (score(1.0), score(0.0));
+        assert!(with > 0.3 && without == 0.0, "{with} with the penalty, {without} without");
+    }
+}

@@ -1,0 +1,53 @@
+//! `mcpo-run eval RUN`.
+
+use std::{path::PathBuf, process::ExitCode};
+
+use anyhow::Context;
+
+use super::print;
+use crate::{
+    plan::RunSpec,
+    record::{RunPaths, policy},
+    rng::{Seed, Stream},
+    train::{build, evaluate},
+};
+
+/// Which policy, and how often.
+#[derive(Debug, clap::Args)]
+pub struct EvalArguments {
+    /// A run's folder, or a policy's file (*.safetensors)
+    run: PathBuf,
+    /// Episodes with the mean action
+    #[arg(long, value_name = "N", default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..=65_535))]
+    episodes: u32,
+    /// The seed of the initial states
+    #[arg(long, value_name = "SEED", default_value_t = 0)]
+    seed: u64,
+}
+
+/// Plays the episodes, and prints their returns in the dense reward and in the one that was trained on.
+pub fn run(arguments: &EvalArguments) -> anyhow::Result<ExitCode> {
+    let path = &arguments.run;
+    let path = if path.is_dir() { RunPaths::policy(path) } else { path.clone() };
+    let (agent, stamp) = policy::read(&path)?;
+    let spec: RunSpec = serde_json::from_value(stamp.spec)
+        .with_context(|| format!("{} was written by another version of this program", path.display()))?;
+    let mut tasks = build::tasks(&spec, spec.rollout.environments.size())?;
+    let starts = (0..arguments.episodes).map(|index| Seed(arguments.seed).stream(Stream::Evaluation, index)).collect();
+    let episodes = evaluate::episodes(&mut evaluate::Actor::MeanAction(&agent), &mut tasks, starts)?;
+    let row = |name: &str, numbers: Vec<f64>| {
+        let mean = numbers.iter().sum::<f64>() / numbers.len() as f64;
+        let squares: f64 = numbers.iter().map(|number| (number - mean).powi(2)).sum();
+        let std = (squares / (numbers.len() as f64 - 1.0).max(1.0)).sqrt();
+        let (least, most) = numbers.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &x| (a.min(x), b.max(x)));
+        format!("{name:<16} {mean:>10.2} ± {std:<10.2} from {least:.2} to {most:.2}\n")
+    };
+    let text = [
+        format!("{} in {}, {} episodes with the mean action\n", spec.label(), spec.env, episodes.len()),
+        row("dense return", episodes.iter().map(|episode| episode.dense_return).collect()),
+        row("training return", episodes.iter().map(|episode| episode.training_return).collect()),
+        row("length", episodes.iter().map(|episode| episode.length as f64).collect()),
+    ];
+    print(&text.concat())?;
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,128 @@
+//! `mcpo-run run PATH...`, which is `mcpo-run PATH...`.
+
+use std::{collections::BTreeSet, path::Path, process::ExitCode, time::Duration};
+
+use anyhow::Context;
+
+use super::{plan, report, selected::Selected};
+use crate::{
+    plan::RunSpec,
+    schedule::{
+        campaign::{self, Options, Summary},
+        cost::CostModel,
+        local::{LocalProcesses, physical_cores},
+        preflight,
+        progress::{Progress, Style, clock, thousands},
+        state::{Planned, RunState},
+        stop::{INTERRUPTED, StopRequest},
+    },
+};
+
+/// How to run.
+#[derive(Debug, clap::Args)]
+pub struct RunArguments {
+    #[command(flatten)]
+    selected: Selected,
+    /// Runs at a time, one process each [default: the physical cores]
+    #[arg(long, short, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    jobs: Option<u16>,
+    /// Try a run that failed so many times again, each time from its last checkpoint
+    #[arg(long, value_name = "K", default_value_t = 0)]
+    retries: u32,
+    /// Stop everything at the first failure
+    #[arg(long)]
+    fail_fast: bool,
+    /// Set aside (rename) what was recorded by another specification, and run anew
+    #[arg(long)]
+    fresh: bool,
+    /// Kill a run that makes no progress for so long
+    #[arg(long, value_name = "SECONDS", default_value_t = 600, value_parser = clap::value_parser!(u64).range(1..))]
+    hang_timeout: u64,
+    /// Show what would be run, and stop
+    #[arg(long)]
+    dry_run: bool,
+    /// Show failures alone
+    #[arg(long, short, conflicts_with = "verbose")]
+    quiet: bool,
+    /// Show evaluations, and log every iteration
+    #[arg(long, short)]
+    verbose: bool,
+}
+
+/// Runs what is missing, then writes the reports.
+pub fn run(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
+    let selected = &arguments.selected;
+    let specs = selected.load()?;
+    let planned = selected.planned(&specs)?;
+    if arguments.dry_run {
+        return plan::show(&planned, false);
+    }
+    // From here on, a signal stops cleanly.
+    let stop = StopRequest::on_signals().context("cannot listen for signals")?;
+    let states = preflight::prepare(&planned, &selected.results, arguments.fresh)?;
+    let mut costs = CostModel::default();
+    let mut due: Vec<Planned> = Vec::new();
+    for (run, state) in planned.iter().zip(states) {
+        match state {
+            RunState::Finished(manifest) => costs.learn(&run.spec, &manifest),
+            _ => due.push(run.clone()),
+        }
+    }
+    let summary = if due.is_empty() {
+        Summary::default()
+    } else {
+        let jobs = arguments.jobs.map_or_else(physical_cores, usize::from);
+        let options = Options {
+            jobs,
+            retries: arguments.retries,
+            fail_fast: arguments.fail_fast,
+            hang_timeout: Duration::from_secs(arguments.hang_timeout),
+            verbose: arguments.verbose,
+        };
+        let seconds = due.iter().map(|run| costs.seconds(&run.spec)).sum();
+        let mut progress = Progress::new(Style::choose(arguments.quiet), arguments.verbose, due.len(), seconds);
+        progress.say(&greeting(&planned, &due, jobs, seconds, &selected.results));
+        let mut executor = LocalProcesses::new().context("cannot find this program's own file")?;
+        let summary = campaign::run(&due, &selected.results, options, &costs, &mut executor, &stop, &mut progress);
+        progress.say(&farewell(planned.len(), due.len(), &summary));
+        summary
+    };
+    if summary.interrupted {
+        return Ok(ExitCode::from(INTERRUPTED));
+    }
+    let written = report::run(&specs, &selected.results).context("the runs are recorded, but not their report")?;
+    Ok(if summary.failed.is_empty() && summary.left == 0 { written } else { ExitCode::FAILURE })
+}
+
+/// The first screen: what will be run, and where its results go.
+fn greeting(planned: &[Planned], due: &[Planned], jobs: usize, seconds: f64, results: &Path) -> String {
+    let names = |of: fn(&RunSpec) -> String| {
+        due.iter().map(|run| of(&run.spec)).collect::<BTreeSet<_>>().into_iter().collect::<Vec<_>>().join(", ")
+    };
+    let experiments = names(|spec| spec.experiment.clone());
+    let steps: u64 = due.iter().map(|run| run.spec.budget.env_steps.get()).sum();
+    let before = planned.len() - due.len();
+    let before = if before > 0 { format!(", {before} finished before") } else { String::new() };
+    format!(
+        "{experiments}: {} runs to do{before}; {} on {}; {} steps in all\n{jobs} at a time, about {}; results in {}",
+        due.len(),
+        names(|spec| spec.algorithm_name().to_owned()),
+        names(|spec| spec.env.to_string()),
+        thousands(steps as f64),
+        clock(seconds / jobs.min(due.len()) as f64),
+        results.display(),
+    )
+}
+
+/// The last line: what became of it.
+fn farewell(planned: usize, due: usize, summary: &Summary) -> String {
+    let finished = planned - due + summary.finished;
+    let failed = summary.failed.len();
+    let failed = if failed > 0 { format!(", {failed} failed") } else { String::new() };
+    let left = match (summary.left, summary.interrupted) {
+        (0, _) => String::new(),
+        (left, true) => format!(", {left} interrupted or not begun; the same command goes on from here"),
+        (left, false) => format!(", {left} stopped or not begun; the same command goes on from here"),
+    };
+    format!("{finished} of {planned} runs finished{failed}{left}")
+}

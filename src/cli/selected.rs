@@ -1,0 +1,184 @@
+//! The experiments and runs that a command is about, as most commands are told of them.
+
+use std::{
+    collections::BTreeMap,
+    fmt, fs,
+    path::{Path, PathBuf},
+};
+
+use anyhow::{Context, bail};
+
+use crate::{
+    plan::{self, RunSpec, Selection},
+    schedule::{preflight, state::Planned},
+    spec::{self, ExperimentSpec, Overrides, SpecErrors},
+};
+
+/// Which experiments, and what of them.
+#[derive(Debug, clap::Args)]
+pub struct Selected {
+    /// Matrix files, or folders of them
+    #[arg(required = true, value_name = "PATH")]
+    pub paths: Vec<PathBuf>,
+    /// Set a key of the file, such as budget.env_steps=100000
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// Replace the list of an axis in every block that has it, such as seed=0,1
+    #[arg(long, value_name = "KEY=VALUE,...")]
+    pub axis: Vec<String>,
+    /// Keep to the runs that match, such as env=Hopper-v2,algorithm=mcpo
+    #[arg(long, value_name = "KEY=VALUE,...")]
+    pub only: Vec<String>,
+    /// The folder of all results
+    #[arg(long, value_name = "DIR", default_value = "results")]
+    pub results: PathBuf,
+}
+
+/// Everything that is wrong in the files.
+#[derive(Debug)]
+pub struct InvalidFiles(Vec<SpecErrors>);
+
+impl InvalidFiles {
+    /// All of it, with lines and carets.
+    pub fn render(&self, terminal: bool) -> String {
+        self.0.iter().map(|errors| errors.render(terminal)).collect()
+    }
+}
+
+impl fmt::Display for InvalidFiles {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.render(false))
+    }
+}
+
+impl std::error::Error for InvalidFiles {}
+
+impl Selected {
+    /// Reads the files.
+    ///
+    /// Errors: everything that is wrong in any of them, or two of them share a name.
+    pub fn load(&self) -> anyhow::Result<Vec<ExperimentSpec>> {
+        let overrides = Overrides { set: self.set.clone(), axis: self.axis.clone() };
+        let (mut specs, mut invalid) = (Vec::new(), Vec::new());
+        let mut names: BTreeMap<String, PathBuf> = BTreeMap::new();
+        for path in self.files()? {
+            match spec::load(&path, &overrides) {
+                Err(errors) => invalid.push(errors),
+                Ok(spec) => {
+                    if let Some(other) = names.insert(spec.name.clone(), path.clone()) {
+                        let (name, other) = (&spec.name, other.display());
+                        bail!("{other} and {} both call their experiment `{name}`", path.display());
+                    }
+                    specs.push(spec);
+                }
+            }
+        }
+        if invalid.is_empty() { Ok(specs) } else { Err(InvalidFiles(invalid).into()) }
+    }
+
+    /// The runs of `specs` that are meant.
+    ///
+    /// Errors: the selection cannot be understood, or means none.
+    pub fn runs(&self, specs: &[ExperimentSpec]) -> anyhow::Result<Vec<RunSpec>> {
+        let selection = (!self.only.is_empty()).then(|| Selection::parse(&self.only.join(","))).transpose();
+        let selection = selection.context("--only")?;
+        let mut runs = Vec::new();
+        for spec in specs {
+            runs.extend(plan::plan(spec).with_context(|| spec.name.clone())?);
+        }
+        let all = runs.len();
+        if let Some(selection) = selection {
+            runs.retain(|run| selection.matches(run));
+        }
+        if runs.is_empty() {
+            bail!("none of the {all} runs match --only {}", self.only.join(","));
+        }
+        Ok(runs)
+    }
+
+    /// The same with places and fingerprints, for which the demonstrations must be there.
+    ///
+    /// Errors: also everything that is wrong with demonstrations.
+    pub fn planned(&self, specs: &[ExperimentSpec]) -> anyhow::Result<Vec<Planned>> {
+        let missing: Vec<SpecErrors> = specs.iter().filter_map(|spec| spec.ready().err()).collect();
+        if !missing.is_empty() {
+            return Err(InvalidFiles(missing).into());
+        }
+        Ok(preflight::plan(self.runs(specs)?, &self.results)?)
+    }
+
+    /// The files that are named, and those of the folders that are.
+    fn files(&self) -> anyhow::Result<Vec<PathBuf>> {
+        let mut files = Vec::new();
+        for path in &self.paths {
+            if path.is_dir() {
+                files.extend(matrices(path)?);
+            } else if path.exists() || path.extension().is_some() {
+                files.push(path.clone());
+            } else {
+                bail!("there is no file, folder or command `{}`{}", path.display(), nearest_command(path));
+            }
+        }
+        Ok(files)
+    }
+}
+
+/// The matrix files of a folder, by name.
+fn matrices(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    let entries = fs::read_dir(folder).with_context(|| format!("cannot read {}", folder.display()))?;
+    let mut files: Vec<PathBuf> = entries
+        .filter_map(|entry| Some(entry.ok()?.path()))
+        .filter(|path| path.is_file() && path.extension().is_some_and(|extension| extension == "toml"))
+        .collect();
+    files.sort();
+    if files.is_empty() {
+        bail!("{} holds no matrix file (*.toml)", folder.display());
+    }
+    Ok(files)
+}
+
+/// `; did you mean ...` for a word that resembles a command.
+fn nearest_command(word: &Path) -> String {
+    let definition = super::definition();
+    let word = word.to_string_lossy();
+    let commands = definition.get_subcommands().filter(|command| !command.is_hide_set()).map(clap::Command::get_name);
+    let nearest = commands.map(|name| (strsim::damerau_levenshtein(&word, name), name)).min();
+    nearest
+        .filter(|&(distance, name)| distance <= name.len() / 2)
+        .map_or_else(String::new, |(_, name)| format!("; did you mean `{name}`?"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn selected(paths: &[&Path]) -> Selected {
+        Selected {
+            paths: paths.iter().map(|path| path.to_path_buf()).collect(),
+            set: Vec::new(),
+            axis: Vec::new(),
+            only: Vec::new(),
+            results: PathBuf::from("results"),
+        }
+    }
+
+    #[test]
+    fn a_mistyped_command_is_recognised() {
+        let message = selected(&[Path::new("statsu")]).files().expect_err("no such file").to_string();
+        assert!(message.ends_with("did you mean `status`?"), "{message}");
+        let message = selected(&[Path::new("zzzzzzzzzz")]).files().expect_err("no such file").to_string();
+        assert!(!message.contains("did you mean"), "{message}");
+    }
+
+    #[test]
+    fn a_folder_means_its_matrix_files_by_name() {
+        let folder = tempfile::tempdir().expect("a folder");
+        assert!(selected(&[folder.path()]).files().is_err(), "an empty folder");
+        for name in ["b.toml", "a.toml", "README.md"] {
+            fs::write(folder.path().join(name), "").expect("written");
+        }
+        fs::create_dir(folder.path().join("c.toml")).expect("made");
+        let files = selected(&[folder.path()]).files().expect("readable");
+        assert_eq!(files, [folder.path().join("a.toml"), folder.path().join("b.toml")]);
+    }
+}

@@ -1,0 +1,93 @@
+//! `mcpo-run show FILE`.
+
+use std::{
+    path::{Path, PathBuf},
+    process::ExitCode,
+};
+
+use anyhow::{Context, bail};
+
+use super::print;
+use crate::record::{Manifest, Outcome, RunPaths, Stamp, policy, rows};
+
+/// Which file.
+#[derive(Debug, clap::Args)]
+pub struct ShowArguments {
+    /// A result file: *.parquet, *.safetensors, run.json, or anything in a run's folder
+    file: PathBuf,
+}
+
+/// Prints where the file comes from.
+pub fn run(arguments: &ShowArguments) -> anyhow::Result<ExitCode> {
+    let path = &arguments.file;
+    let folder = if path.is_dir() { path } else { path.parent().unwrap_or(Path::new(".")) };
+    if !path.exists() {
+        bail!("there is no file {}", path.display());
+    }
+    // What lies in `policies/` belongs to the run above.
+    let manifests = [folder, &folder.join("..")].map(|folder| Manifest::read(&RunPaths::manifest(folder)));
+    let manifest = manifests.into_iter().find_map(Result::transpose).transpose()?;
+    let own = match path.extension().and_then(|extension| extension.to_str()) {
+        Some("parquet") => Some(rows::read_stamp(path)?),
+        Some("safetensors") => Some(policy::read(path)?.1),
+        _ => None,
+    };
+    let beside = manifest.as_ref().map(|manifest| &manifest.stamp);
+    let stamp = own
+        .as_ref()
+        .or(beside)
+        .with_context(|| format!("{} carries no provenance, and no run.json is beside it", path.display()))?;
+    // A policy does not name its caller; its run does.
+    let of_this_run = beside.filter(|beside| beside.fingerprint == stamp.fingerprint);
+    let stamp = Stamp {
+        origin: stamp.origin.clone().or(of_this_run.and_then(|beside| beside.origin.clone())),
+        ..stamp.clone()
+    };
+    let manifest = manifest.filter(|manifest| manifest.stamp.fingerprint == stamp.fingerprint);
+    print(&render(path, &stamp, manifest.as_ref())?)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn render(path: &Path, stamp: &Stamp, manifest: Option<&Manifest>) -> anyhow::Result<String> {
+    let mut rows = vec![("file", path.display().to_string())];
+    for key in ["experiment", "id", "env"] {
+        if let Some(value) = stamp.spec.get(key).and_then(serde_json::Value::as_str) {
+            rows.push((key, value.to_owned()));
+        }
+    }
+    if let Some(manifest) = manifest {
+        rows.push((
+            "outcome",
+            match &manifest.outcome {
+                Outcome::Begun => "begun, not ended".to_owned(),
+                Outcome::Finished => {
+                    format!("finished after {} steps in {:.0} s", manifest.env_steps, manifest.seconds)
+                }
+                Outcome::Failed { error, .. } => format!("failed: {error}"),
+            },
+        ));
+        for attempt in &manifest.attempts {
+            let ended = attempt.ended.as_deref().unwrap_or("no end");
+            let error = attempt.error.as_ref().map_or_else(String::new, |error| format!(": {error}"));
+            let from = attempt.from_env_steps;
+            rows.push(("attempt", format!("{} to {ended} from step {from} on {}{error}", attempt.began, attempt.host)));
+        }
+    }
+    let build = &stamp.build;
+    rows.push(("fingerprint", stamp.fingerprint.clone()));
+    rows.push(("program", format!("mcpo-run {}, executable {}", build.program, build.executable)));
+    rows.push(("versions", build.versions.to_string()));
+    rows.push(("cpu class", build.cpu_class.clone()));
+    if let Some(origin) = &stamp.origin {
+        rows.push(("host", format!("{}, {}", origin.host, origin.cpu)));
+        rows.push(("command", origin.command_line.join(" ")));
+        rows.push(("called", origin.called.clone()));
+        let git = origin.git.as_ref().map_or_else(
+            || "no repository".to_owned(),
+            |git| format!("{}{}", git.commit, if git.dirty { ", with changes" } else { "" }),
+        );
+        rows.push(("git", git));
+    }
+    let rows: String = rows.into_iter().map(|(key, value)| format!("{key:<12} {value}\n")).collect();
+    Ok(format!("{rows}spec\n{}\n", serde_json::to_string_pretty(&stamp.spec)?))
+}

@@ -1,0 +1,89 @@
+//! `mcpo-run status PATH...`.
+
+use std::{collections::BTreeMap, process::ExitCode};
+
+use comfy_table::Cell;
+
+use super::{
+    plan::{table, word},
+    print,
+    selected::Selected,
+};
+use crate::schedule::{
+    cost::CostModel,
+    progress::{clock, thousands},
+    state::{Planned, RunState},
+};
+
+/// Shows how far the campaign is.
+pub fn run(selected: &Selected) -> anyhow::Result<ExitCode> {
+    let specs = selected.load()?;
+    let planned = selected.planned(&specs)?;
+    let states = planned.iter().map(Planned::state).collect::<Result<Vec<_>, _>>()?;
+    print(&render(&planned, &states))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn render(planned: &[Planned], states: &[RunState]) -> String {
+    let mut costs = CostModel::default();
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    for (run, state) in planned.iter().zip(states) {
+        *counts.entry(word(state)).or_default() += 1;
+        if let RunState::Finished(manifest) = state {
+            costs.learn(&run.spec, manifest);
+        }
+    }
+    let mut lines = table(&["run", "state", ""]);
+    // Work that is left, and the rate at which the running processes do it, in expected seconds.
+    let (mut left, mut running) = (0.0, 0);
+    for (run, state) in planned.iter().zip(states) {
+        let budget = run.spec.budget.env_steps.get();
+        let share = |env_steps: u64| 1.0 - (env_steps as f64 / budget as f64).min(1.0);
+        let seconds = costs.seconds(&run.spec);
+        let detail = match state {
+            RunState::Finished(_) => continue,
+            RunState::ToDo => {
+                left += seconds;
+                continue;
+            }
+            RunState::Running(heartbeat) => {
+                running += 1;
+                left += seconds * share(heartbeat.as_ref().map_or(0, |heartbeat| heartbeat.env_steps));
+                heartbeat.as_ref().map_or_else(
+                    || "no iteration yet".to_owned(),
+                    |heartbeat| {
+                        let mean = heartbeat.training_return;
+                        let mean = mean.map_or_else(String::new, |mean| format!(", return {mean:.1}"));
+                        format!(
+                            "{} of {} steps, {} steps/s{mean} (at {})",
+                            thousands(heartbeat.env_steps as f64),
+                            thousands(budget as f64),
+                            thousands(heartbeat.steps_per_second),
+                            heartbeat.written,
+                        )
+                    },
+                )
+            }
+            RunState::Interrupted { env_steps } => {
+                left += seconds * share(*env_steps);
+                format!("{} of {} steps", thousands(*env_steps as f64), thousands(budget as f64))
+            }
+            RunState::Failed(manifest) => {
+                left += seconds;
+                manifest.error().unwrap_or("it did not end").to_owned()
+            }
+            RunState::Differs { keys } => format!("in {}", keys.join(", ")),
+            RunState::Unusable { reason } => reason.clone(),
+        };
+        let name = format!("{}/{}", run.spec.experiment, run.spec.id);
+        lines.add_row([Cell::new(name), Cell::new(word(state)), Cell::new(detail)]);
+    }
+    let counts: Vec<String> = counts.into_iter().map(|(word, count)| format!("{count} {word}")).collect();
+    let time = match running {
+        _ if left == 0.0 => String::new(),
+        0 => format!("; nothing runs now; about {} of work left", clock(left)),
+        n => format!("; about {} left at {n} at a time", clock(left / f64::from(n))),
+    };
+    let whole = format!("{} runs: {}{time}\n", planned.len(), counts.join(", "));
+    if lines.row_count() == 0 { whole } else { format!("{lines}\n{whole}") }
+}

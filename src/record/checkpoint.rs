@@ -1,0 +1,141 @@
+//! The state from which an interrupted run goes on.
+//!
+//! A file: a line that names the format and its version, the run's fingerprint, the payload's BLAKE3 digest, the payload
+//! (postcard). What does not fit is refused with the reason, and left where it is.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::{RecordError, read_bounded, write_atomically};
+use crate::train::{EvaluationEpisode, Iteration};
+
+/// How every checkpoint begins, up to the version.
+const NAME: &[u8] = b"mcpo-run checkpoint ";
+/// The version of the payload; raise it when [`Checkpoint`] or whatever is inside `state` changes its shape.
+const VERSION: u32 = 1;
+/// The largest checkpoint that is read, bytes.
+const LIMIT: u64 = 4 << 30;
+const DIGEST: usize = 64; // hexadecimal
+
+/// A run under way; by default one that has not begun.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Checkpoint {
+    /// Training's own state, as [`crate::train::run`] gave it.
+    pub state: Vec<u8>,
+    /// The iterations so far.
+    pub iterations: Vec<Iteration>,
+    /// The evaluation episodes so far.
+    pub evaluations: Vec<EvaluationEpisode>,
+    /// Wall-clock seconds so far.
+    pub seconds: f64,
+}
+
+impl Checkpoint {
+    /// Environment steps so far.
+    pub fn env_steps(&self) -> u64 {
+        self.iterations.last().map_or(0, |row| row.env_steps)
+    }
+
+    /// Writes it, whole or not at all.
+    ///
+    /// Errors: the disk refuses; the checkpoint before is then still there.
+    pub fn write(&self, path: &Path, fingerprint: &str) -> Result<(), RecordError> {
+        let payload = postcard::to_stdvec(self).map_err(|error| malformed(path, error.to_string()))?;
+        let mut bytes = Vec::with_capacity(payload.len() + 256);
+        bytes.extend_from_slice(NAME);
+        bytes.extend_from_slice(format!("{VERSION}\n{fingerprint}\n").as_bytes());
+        bytes.extend_from_slice(blake3::hash(&payload).to_hex().as_bytes());
+        bytes.push(b'\n');
+        bytes.extend_from_slice(&payload);
+        write_atomically(path, &bytes)
+    }
+
+    /// Reads the checkpoint of the run with `fingerprint`; `None` where there is none.
+    ///
+    /// Errors: it is of another version or run, or damaged. The file is left alone.
+    pub fn read(path: &Path, fingerprint: &str) -> Result<Option<Self>, RecordError> {
+        let Some(bytes) = read_bounded(path, LIMIT)? else { return Ok(None) };
+        decode(&bytes, fingerprint).map(Some).map_err(|reason| malformed(path, reason))
+    }
+}
+
+fn decode(bytes: &[u8], fingerprint: &str) -> Result<Checkpoint, String> {
+    let rest = bytes.strip_prefix(NAME).ok_or("it does not begin as a checkpoint does")?;
+    let (version, rest) = line(rest)?;
+    if version != VERSION.to_string() {
+        return Err(format!("it is of version {version}, and this program reads version {VERSION}"));
+    }
+    let (written_for, rest) = line(rest)?;
+    if written_for != fingerprint {
+        return Err(format!("it was written by a run with fingerprint {written_for}, and this one has {fingerprint}"));
+    }
+    let (digest, payload) = line(rest)?;
+    if digest.len() != DIGEST || digest != blake3::hash(payload).to_hex().as_str() {
+        return Err("its content does not have the digest that it names: it is damaged".to_owned());
+    }
+    postcard::from_bytes(payload).map_err(|error| format!("its content cannot be decoded: {error}"))
+}
+
+/// The bytes up to a line's end, as text, and what follows.
+fn line(bytes: &[u8]) -> Result<(&str, &[u8]), String> {
+    let end = bytes.iter().take(4096).position(|&byte| byte == b'\n').ok_or("it is cut off in its head")?;
+    let text = std::str::from_utf8(&bytes[..end]).map_err(|_| "its head is not text")?;
+    Ok((text, &bytes[end + 1..]))
+}
+
+fn malformed(path: &Path, reason: String) -> RecordError {
+    RecordError::Malformed { path: path.to_owned(), expected: "a checkpoint of this run", reason }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::rows::tests::{episode, iteration};
+
+    fn checkpoint() -> Checkpoint {
+        Checkpoint {
+            state: vec![1, 2, 3],
+            iterations: vec![iteration(1), iteration(2)],
+            evaluations: vec![episode(0)],
+            seconds: 1.5,
+        }
+    }
+
+    #[test]
+    fn damage_and_strangers_are_refused_and_kept() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("checkpoint");
+        assert_eq!(Checkpoint::read(&path, "f").expect("absence is no error"), None);
+        checkpoint().write(&path, "f").expect("written");
+        let whole = std::fs::read(&path).expect("readable");
+        let refused = |bytes: &[u8]| {
+            std::fs::write(&path, bytes).expect("written");
+            let message = Checkpoint::read(&path, "f").expect_err("refused").to_string();
+            assert_eq!(std::fs::read(&path).expect("kept"), bytes);
+            message
+        };
+        for end in 0..whole.len() {
+            refused(&whole[..end]);
+        }
+        for place in 0..whole.len() {
+            let mut damaged = whole.clone();
+            damaged[place] ^= 1;
+            refused(&damaged);
+        }
+        std::fs::write(&path, &whole).expect("written");
+        assert!(Checkpoint::read(&path, "g").expect_err("another run").to_string().contains("fingerprint f"));
+        let newer = [NAME, b"2\n", &whole[NAME.len() + 2..]].concat();
+        assert!(refused(&newer).contains("version 2"));
+    }
+
+    #[test]
+    fn a_checkpoint_comes_back() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("checkpoint");
+        checkpoint().write(&path, "f").expect("written");
+        let read = Checkpoint::read(&path, "f").expect("readable").expect("there");
+        assert_eq!(read, checkpoint());
+        assert_eq!(read.env_steps(), 200);
+    }
+}

@@ -1,0 +1,66 @@
+//! The claim on a run: who holds it may write to the run's folder.
+
+use std::{
+    fs::{self, File, TryLockError},
+    io,
+};
+
+use super::{RecordError, RunPaths, io_error};
+
+/// A lock on a run, held until it is dropped or its process ends, however it ends.
+#[derive(Debug)]
+pub struct Claim {
+    _file: File,
+}
+
+impl Claim {
+    /// Claims a run; `None` when somebody else holds it.
+    ///
+    /// Errors: the file of the lock cannot be made.
+    pub fn take(paths: &RunPaths) -> Result<Option<Self>, RecordError> {
+        let refused = |source| io_error("claim", &paths.claim)(source);
+        if let Some(folder) = paths.claim.parent() {
+            fs::create_dir_all(folder).map_err(refused)?;
+        }
+        let file = File::create(&paths.claim).map_err(refused)?;
+        match file.try_lock() {
+            Ok(()) => Ok(Some(Self { _file: file })),
+            Err(TryLockError::WouldBlock) => Ok(None),
+            Err(TryLockError::Error(source)) => Err(refused(source)),
+        }
+    }
+
+    /// Whether somebody holds the claim; takes none and writes nothing.
+    ///
+    /// Errors: the file of the lock is there and cannot be read.
+    pub fn is_held(paths: &RunPaths) -> Result<bool, RecordError> {
+        let file = match File::open(&paths.claim) {
+            Ok(file) => file,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(false),
+            Err(error) => return Err(io_error("read", &paths.claim)(error)),
+        };
+        match file.try_lock_shared() {
+            Ok(()) => Ok(false),
+            Err(TryLockError::WouldBlock) => Ok(true),
+            Err(TryLockError::Error(source)) => Err(io_error("read", &paths.claim)(source)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_claim_holds_others_off_until_it_is_dropped() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let paths = RunPaths::new(folder.path(), "e", "a/seed-0").expect("a good id");
+        assert!(!Claim::is_held(&paths).expect("no file is no claim"));
+        let claim = Claim::take(&paths).expect("made").expect("free");
+        assert!(Claim::take(&paths).expect("no error").is_none(), "claimed twice");
+        assert!(Claim::is_held(&paths).expect("readable"));
+        drop(claim);
+        assert!(!Claim::is_held(&paths).expect("readable"));
+        assert!(Claim::take(&paths).expect("no error").is_some());
+    }
+}

@@ -1,0 +1,55 @@
+//! A running run's sign of life, for `mcpo-run status` in another terminal.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::{RecordError, io_error, read_bounded};
+
+/// How far a run is.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Heartbeat {
+    /// Steps taken.
+    pub env_steps: u64,
+    /// Steps per second since this attempt began.
+    pub steps_per_second: f64,
+    /// Mean training return of the last iteration whose rollout ended an episode.
+    pub training_return: Option<f64>,
+    /// When this was written, UTC (RFC 3339).
+    pub written: String,
+}
+
+impl Heartbeat {
+    /// Writes it. Neither synced nor renamed: it is worth nothing after a power cut, and one that is read half-written
+    /// counts as absent.
+    ///
+    /// Errors: the disk refuses.
+    pub fn write(&self, path: &Path) -> Result<(), RecordError> {
+        let text = serde_json::to_vec(self).map_err(|error| io_error("write", path)(error.into()))?;
+        std::fs::write(path, text).map_err(io_error("write", path))
+    }
+
+    /// The last one; `None` where there is none that can be read.
+    pub fn read(path: &Path) -> Option<Self> {
+        serde_json::from_slice(&read_bounded(path, 1 << 16).ok()??).ok()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn half_a_heartbeat_counts_as_none() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("heartbeat.json");
+        let heartbeat =
+            Heartbeat { env_steps: 5, steps_per_second: 2.0, training_return: None, written: super::super::now() };
+        assert_eq!(Heartbeat::read(&path), None);
+        heartbeat.write(&path).expect("written");
+        assert_eq!(Heartbeat::read(&path), Some(heartbeat));
+        let text = std::fs::read(&path).expect("readable");
+        std::fs::write(&path, &text[..text.len() / 2]).expect("cut");
+        assert_eq!(Heartbeat::read(&path), None);
+    }
+}

@@ -1,0 +1,241 @@
+//! Where everything of a run lies.
+
+use std::{
+    fs, io,
+    path::{Path, PathBuf},
+};
+
+use super::{Manifest, Outcome, RecordError, io_error, rename, write_atomically};
+
+/// The places of one run.
+///
+/// A run has one folder at a time: beside its place (`<id>.partial`) while it is under way or interrupted, at its place
+/// (`<id>`) when it has ended, well or not. The change from one to the other is a rename.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct RunPaths {
+    /// `<results>/<experiment>/runs/<id>`: what the run left.
+    pub complete: PathBuf,
+    /// The same with `.partial`: where it is written.
+    pub partial: PathBuf,
+    /// The file whose lock says that somebody works on the run. It is never removed: a lock on a removed file holds nobody off.
+    pub claim: PathBuf,
+}
+
+impl RunPaths {
+    /// The places of run `id` of `experiment` under the folder `results`.
+    ///
+    /// Errors: a name would lead elsewhere (`..`, `/x`, empty ...), or would be taken for a folder of the program's own.
+    pub fn new(results: &Path, experiment: &str, id: &str) -> Result<Self, RecordError> {
+        let folder = experiment_folder(results, experiment)?;
+        let mut complete = folder.join("runs");
+        let mut claim = folder.join(".claims");
+        for part in id.split('/') {
+            check(part)?;
+            complete.push(part);
+            claim.push(part);
+        }
+        let partial = with_suffix(&complete, ".partial");
+        Ok(Self { complete, partial, claim })
+    }
+
+    /// The rows of iterations, in `folder` (one of this run's).
+    pub fn progress(folder: &Path) -> PathBuf {
+        folder.join("progress.parquet")
+    }
+
+    /// The rows of evaluation episodes.
+    pub fn evaluations(folder: &Path) -> PathBuf {
+        folder.join("evaluations.parquet")
+    }
+
+    /// The policy at the end of training.
+    pub fn policy(folder: &Path) -> PathBuf {
+        folder.join("policy.safetensors")
+    }
+
+    /// The policy that was kept after `env_steps`.
+    pub fn kept_policy(folder: &Path, env_steps: u64) -> PathBuf {
+        // Leading zeros, so that names sort as numbers do.
+        folder.join("policies").join(format!("{env_steps:012}.safetensors"))
+    }
+
+    /// The manifest.
+    pub fn manifest(folder: &Path) -> PathBuf {
+        folder.join("run.json")
+    }
+
+    /// The last checkpoint.
+    pub fn checkpoint(folder: &Path) -> PathBuf {
+        folder.join("checkpoint")
+    }
+
+    /// How far the run is.
+    pub fn heartbeat(folder: &Path) -> PathBuf {
+        folder.join("heartbeat.json")
+    }
+
+    /// The log.
+    pub fn log(folder: &Path) -> PathBuf {
+        folder.join("log.txt")
+    }
+
+    /// The manifest of this run, if it has ended; `None` when it has not.
+    ///
+    /// Errors: it is there and cannot be read.
+    pub fn ended(&self) -> Result<Option<Manifest>, RecordError> {
+        Manifest::read(&Self::manifest(&self.complete))
+    }
+
+    /// Makes the folder in which the run is written. One that ended in failure is taken up again: its checkpoint counts.
+    ///
+    /// Errors: the folders cannot be made or renamed.
+    pub fn open(&self) -> Result<(), RecordError> {
+        if self.complete.exists() && !self.partial.exists() {
+            return rename(&self.complete, &self.partial);
+        }
+        fs::create_dir_all(&self.partial).map_err(io_error("create", &self.partial))
+    }
+
+    /// Puts what was written into its place, with `manifest` as its last word. A run that failed keeps its checkpoint, to go
+    /// on from, and no tables: whoever scans them must not meet half a run.
+    ///
+    /// Errors: the disk refuses; everything is still in [`partial`](Self::partial) then.
+    pub fn close(&self, manifest: &Manifest) -> Result<(), RecordError> {
+        let finished = manifest.outcome == Outcome::Finished;
+        if !finished {
+            remove_if_there(&Self::progress(&self.partial))?;
+            remove_if_there(&Self::evaluations(&self.partial))?;
+        }
+        manifest.write(&Self::manifest(&self.partial))?;
+        rename(&self.partial, &self.complete)?;
+        remove_if_there(&Self::heartbeat(&self.complete))?;
+        if finished { remove_if_there(&Self::checkpoint(&self.complete)) } else { Ok(()) }
+    }
+
+    /// Renames whatever there is of the run to `<id>.old-<n>`, and gives the new names. Its Parquet files get the ending
+    /// `.old`, so that scans over `**/progress.parquet` do not count the run twice.
+    ///
+    /// Errors: a rename fails.
+    pub fn set_aside(&self) -> Result<Vec<PathBuf>, RecordError> {
+        let mut aside = Vec::new();
+        for folder in [&self.complete, &self.partial] {
+            if !folder.exists() {
+                continue;
+            }
+            let old = (1..)
+                .map(|n| with_suffix(&self.complete, &format!(".old-{n}")))
+                .find(|old| !old.exists())
+                .unwrap_or_else(|| unreachable!("a folder holds finitely many names"));
+            rename(folder, &old)?;
+            for file in [Self::progress(&old), Self::evaluations(&old)] {
+                if file.exists() {
+                    rename(&file, &with_suffix(&file, ".old"))?;
+                }
+            }
+            aside.push(old);
+        }
+        Ok(aside)
+    }
+}
+
+/// `<results>/<experiment>`.
+///
+/// Errors: the name would lead elsewhere.
+pub fn experiment_folder(results: &Path, experiment: &str) -> Result<PathBuf, RecordError> {
+    check(experiment)?;
+    Ok(results.join(experiment))
+}
+
+/// Makes `results` if need be, and writes and removes a file in it.
+///
+/// Errors: it is no folder, or cannot be written to.
+pub fn check_writable(results: &Path) -> Result<(), RecordError> {
+    fs::create_dir_all(results).map_err(io_error("create", results))?;
+    let probe = results.join(".writable");
+    write_atomically(&probe, b"")?;
+    remove_if_there(&probe)
+}
+
+/// Removes a file, if it is there.
+pub(crate) fn remove_if_there(path: &Path) -> Result<(), RecordError> {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(io_error("remove", path)(error)),
+        _ => Ok(()),
+    }
+}
+
+fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
+    let mut name = path.file_name().unwrap_or_default().to_owned();
+    name.push(suffix);
+    path.with_file_name(name)
+}
+
+/// One folder's name: it stays in its folder, on every system, and is none of the program's own.
+fn check(name: &str) -> Result<(), RecordError> {
+    let reason = if name.is_empty() {
+        "it is empty, or has an empty part"
+    } else if name.starts_with('.') {
+        "a part begins with a dot"
+    } else if name.chars().any(|c| c.is_control() || r#"/\:*?"<>|"#.contains(c)) {
+        r#"a part holds a control character or one of / \ : * ? " < > |"#
+    } else if name.len() > 200 {
+        "a part is longer than 200 bytes"
+    } else if name.ends_with(".partial") || name.contains(".old-") {
+        "a part ends as the program's own folders do (.partial, .old-N)"
+    } else {
+        return Ok(());
+    };
+    Err(RecordError::Name { name: name.to_owned(), reason })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_cannot_lead_elsewhere() {
+        let results = Path::new("results");
+        for bad in
+            ["", "..", ".", "a/../../b", "/etc", "a//b", "a/", r"a\b", "c:d", "a\0", "x.partial", "x.old-1/y", ".git"]
+        {
+            assert!(RunPaths::new(results, "e", bad).is_err(), "{bad:?}");
+        }
+        for bad in ["", "..", "a/b", "/"] {
+            assert!(RunPaths::new(results, bad, "a").is_err(), "{bad:?}");
+        }
+        assert!(RunPaths::new(results, "e", &"x".repeat(201)).is_err());
+    }
+
+    #[test]
+    fn a_run_lies_where_the_design_says() {
+        let paths = RunPaths::new(Path::new("r"), "ablation", "HalfCheetah-v2/mcpo d=0.001/seed-0").expect("a good id");
+        assert_eq!(paths.complete, Path::new("r/ablation/runs/HalfCheetah-v2/mcpo d=0.001/seed-0"));
+        assert_eq!(paths.partial, Path::new("r/ablation/runs/HalfCheetah-v2/mcpo d=0.001/seed-0.partial"));
+    }
+
+    #[test]
+    fn what_is_set_aside_is_kept_and_not_scanned() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let paths = RunPaths::new(folder.path(), "e", "a/b").expect("a good id");
+        for content in ["first", "second"] {
+            fs::create_dir_all(&paths.complete).expect("made");
+            fs::write(RunPaths::progress(&paths.complete), content).expect("written");
+            assert_eq!(paths.set_aside().expect("renamed").len(), 1);
+            assert!(!paths.complete.exists());
+        }
+        let kept = |n: u32| fs::read_to_string(folder.path().join(format!("e/runs/a/b.old-{n}/progress.parquet.old")));
+        assert_eq!(kept(1).expect("kept"), "first");
+        assert_eq!(kept(2).expect("kept"), "second");
+        assert!(paths.set_aside().expect("nothing to do").is_empty());
+    }
+
+    #[test]
+    fn a_file_in_the_way_makes_the_results_unwritable() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("file");
+        fs::write(&file, "").expect("written");
+        assert!(check_writable(&file).is_err());
+        check_writable(&folder.path().join("new/results")).expect("made");
+        assert_eq!(fs::read_dir(folder.path().join("new/results")).expect("readable").count(), 0, "the probe was left");
+    }
+}

@@ -1,0 +1,280 @@
+//! Policies as safetensors, readable from Python: `safetensors.numpy.load_file("policy.safetensors")`.
+//!
+//! `policy.mean.<layer>.weight` `[out, in]` and `.bias` `[out]`, `policy.log_std` `[action_dim]`, `value.<layer>.weight` and
+//! `.bias`, `normalizer.mean`, `.std` and `.deviations` `[observation_dim]`, `.count` and `.clip` `[1]`. A layer's output is
+//! `weight @ input + bias`, then tanh except after the last one; the input is
+//! `clip((observation - mean) / (std + 1e-8), -clip, clip)`.
+
+use std::{collections::HashMap, path::Path};
+
+use safetensors::{Dtype, SafeTensorError, SafeTensors, tensor::TensorView};
+use serde::{Deserialize, Serialize};
+
+use super::{RecordError, Stamp, read_bounded, write_atomically};
+use crate::{
+    algo::Agent,
+    nn::{GaussianPolicy, Mlp, Normalizer},
+    rng::{Seed, Stream},
+};
+
+/// The largest file that is read, bytes.
+const LIMIT: u64 = 1 << 30;
+
+/// Writes `agent`; its bytes depend on the agent and the run alone, not on when or how the program was called.
+///
+/// Errors: the disk refuses, or a parameter is not finite.
+pub fn write(path: &Path, agent: &Agent, stamp: &Stamp) -> Result<(), RecordError> {
+    let bytes = encode(agent, stamp).map_err(|reason| malformed(path, reason))?;
+    write_atomically(path, &bytes)
+}
+
+/// Reads a policy and the stamp of the run that it comes from.
+///
+/// Errors: there is no such file, it is damaged, its shapes do not fit together, or a number is not finite.
+pub fn read(path: &Path) -> Result<(Agent, Stamp), RecordError> {
+    let bytes = read_bounded(path, LIMIT)?.ok_or_else(|| malformed(path, "there is no such file".to_owned()))?;
+    decode(&bytes).map_err(|reason| malformed(path, reason))
+}
+
+fn malformed(path: &Path, reason: String) -> RecordError {
+    RecordError::Malformed { path: path.to_owned(), expected: "a saved policy", reason }
+}
+
+/// The normaliser's fields; it has no constructor from them other than its serialised form.
+#[derive(Serialize, Deserialize)]
+struct NormalizerParts {
+    count: f64,
+    mean: Vec<f64>,
+    deviations: Vec<f64>,
+    clip: f64,
+}
+
+/// Little-endian numbers on their way to a file.
+struct Tensor {
+    dtype: Dtype,
+    shape: Vec<usize>,
+    bytes: Vec<u8>,
+}
+
+fn encode(agent: &Agent, stamp: &Stamp) -> Result<Vec<u8>, String> {
+    let mut tensors = Vec::new();
+    push_network(&mut tensors, "policy.mean", agent.policy.mean());
+    push_f32(&mut tensors, "policy.log_std", vec![agent.policy.log_std().len()], agent.policy.log_std().to_vec());
+    push_network(&mut tensors, "value", &agent.value);
+    let parts: NormalizerParts = serde_json::to_value(&agent.normalizer)
+        .and_then(serde_json::from_value)
+        .map_err(|error| format!("the normaliser cannot be taken apart: {error}"))?;
+    push_f64(&mut tensors, "normalizer.mean", &parts.mean);
+    push_f64(&mut tensors, "normalizer.std", &agent.normalizer.std());
+    push_f64(&mut tensors, "normalizer.deviations", &parts.deviations);
+    push_f64(&mut tensors, "normalizer.count", &[parts.count]);
+    push_f64(&mut tensors, "normalizer.clip", &[parts.clip]);
+    let stamp = serde_json::to_string(&stamp.without_origin()).map_err(|error| error.to_string())?;
+    let metadata = HashMap::from([(Stamp::KEY.to_owned(), stamp)]);
+    let views: Result<Vec<_>, SafeTensorError> = tensors
+        .iter()
+        .map(|(name, tensor)| Ok((name, TensorView::new(tensor.dtype, tensor.shape.clone(), &tensor.bytes)?)))
+        .collect();
+    views.and_then(|views| safetensors::serialize(views, Some(metadata))).map_err(|error| error.to_string())
+}
+
+fn push_network(tensors: &mut Vec<(String, Tensor)>, name: &str, network: &Mlp) {
+    for (index, (weights, biases)) in network.layers().enumerate() {
+        let (outputs, inputs) = weights.shape();
+        let by_rows = (0..outputs).flat_map(|row| (0..inputs).map(move |column| weights[(row, column)])).collect();
+        push_f32(tensors, &format!("{name}.{index}.weight"), vec![outputs, inputs], by_rows);
+        push_f32(tensors, &format!("{name}.{index}.bias"), vec![outputs], biases.to_vec());
+    }
+}
+
+fn push_f32(tensors: &mut Vec<(String, Tensor)>, name: &str, shape: Vec<usize>, numbers: Vec<f32>) {
+    let bytes = numbers.iter().flat_map(|number| number.to_le_bytes()).collect();
+    tensors.push((name.to_owned(), Tensor { dtype: Dtype::F32, shape, bytes }));
+}
+
+fn push_f64(tensors: &mut Vec<(String, Tensor)>, name: &str, numbers: &[f64]) {
+    let bytes = numbers.iter().flat_map(|number| number.to_le_bytes()).collect();
+    tensors.push((name.to_owned(), Tensor { dtype: Dtype::F64, shape: vec![numbers.len()], bytes }));
+}
+
+fn decode(bytes: &[u8]) -> Result<(Agent, Stamp), String> {
+    let (_, header) = SafeTensors::read_metadata(bytes).map_err(|error| error.to_string())?;
+    let stamp = header.metadata().as_ref().and_then(|metadata| metadata.get(Stamp::KEY));
+    let stamp = stamp.ok_or_else(|| format!("its metadata has no `{}`", Stamp::KEY))?;
+    let stamp = serde_json::from_str(stamp).map_err(|error| format!("its `{}` is damaged: {error}", Stamp::KEY))?;
+    let tensors = SafeTensors::deserialize(bytes).map_err(|error| error.to_string())?;
+
+    let normalizer = read_normalizer(&tensors)?;
+    let (widths, mean) = read_network(&tensors, "policy.mean")?;
+    let (value_widths, value) = read_network(&tensors, "value")?;
+    let log_std = read_vector(&tensors, "policy.log_std", f32::from_le_bytes, f32::is_finite)?;
+    let (observation_dim, hidden, action_dim) = ends(&widths)?;
+    let (value_inputs, _, values) = ends(&value_widths)?;
+    let fits = [
+        ("policy.log_std", log_std.len(), action_dim),
+        ("value", values, 1),
+        ("the value network's input", value_inputs, observation_dim),
+        ("normalizer.mean", normalizer.mean().len(), observation_dim),
+    ];
+    if let Some((what, got, expected)) = fits.into_iter().find(|(_, got, expected)| got != expected) {
+        return Err(format!("{what} has {got} numbers; {expected} would fit the policy's network"));
+    }
+    // The initial weights are overwritten: networks have no constructor from weights.
+    let mut unused = Seed(0).stream(Stream::Network, 0);
+    let mut policy = GaussianPolicy::new(observation_dim, hidden, action_dim, 1.0, &mut unused);
+    policy.set_parameters(&[mean, log_std].concat());
+    let mut value_network = Mlp::new(&value_widths, 1.0, &mut unused);
+    value_network.parameters_mut().copy_from_slice(&value);
+    Ok((Agent { policy, value: value_network, normalizer }, stamp))
+}
+
+/// The widths of input, hidden layers and output.
+fn ends(widths: &[usize]) -> Result<(usize, &[usize], usize), String> {
+    match widths {
+        [input, hidden @ .., output] => Ok((*input, hidden, *output)),
+        _ => Err("a network has no layers".to_owned()),
+    }
+}
+
+fn read_normalizer(tensors: &SafeTensors<'_>) -> Result<Normalizer, String> {
+    let vector = |name: &str| read_vector(tensors, name, f64::from_le_bytes, f64::is_finite);
+    let scalar = |name: &str| match vector(name)?[..] {
+        [number] => Ok(number),
+        _ => Err(format!("`{name}` has not one number")),
+    };
+    let (mean, deviations) = (vector("normalizer.mean")?, vector("normalizer.deviations")?);
+    let (count, clip) = (scalar("normalizer.count")?, scalar("normalizer.clip")?);
+    if mean.len() != deviations.len() || count < 0.0 || clip <= 0.0 || deviations.iter().any(|&sum| sum < 0.0) {
+        return Err("its normaliser's numbers do not fit together".to_owned());
+    }
+    serde_json::to_value(NormalizerParts { count, mean, deviations, clip })
+        .and_then(serde_json::from_value)
+        .map_err(|error| format!("its normaliser cannot be put together: {error}"))
+}
+
+/// A network's widths, and its parameters as [`Mlp::parameters`] lays them out.
+fn read_network(tensors: &SafeTensors<'_>, name: &str) -> Result<(Vec<usize>, Vec<f32>), String> {
+    let (mut widths, mut parameters) = (Vec::new(), Vec::new());
+    for index in 0.. {
+        let weight = format!("{name}.{index}.weight");
+        let Ok(view) = tensors.tensor(&weight) else { break };
+        let &[outputs, inputs] = view.shape() else {
+            return Err(format!("`{weight}` has the shape {:?}; [out, in] was expected", view.shape()));
+        };
+        if outputs == 0 || inputs == 0 || widths.last().is_some_and(|&before| before != inputs) {
+            return Err(format!("`{weight}` has the shape {:?}, which does not follow {widths:?}", view.shape()));
+        }
+        let by_rows = numbers(&view, &weight, f32::from_le_bytes, f32::is_finite)?;
+        let biases = read_vector(tensors, &format!("{name}.{index}.bias"), f32::from_le_bytes, f32::is_finite)?;
+        if biases.len() != outputs {
+            return Err(format!("`{name}.{index}.bias` has {} numbers; {outputs} would fit its weight", biases.len()));
+        }
+        if widths.is_empty() {
+            widths.push(inputs);
+        }
+        widths.push(outputs);
+        parameters.extend((0..inputs).flat_map(|column| by_rows.iter().skip(column).step_by(inputs)));
+        parameters.extend(biases);
+    }
+    if widths.is_empty() { Err(format!("`{name}.0.weight` is missing")) } else { Ok((widths, parameters)) }
+}
+
+fn read_vector<T: Copy, const N: usize>(
+    tensors: &SafeTensors<'_>,
+    name: &str,
+    decode: fn([u8; N]) -> T,
+    is_finite: fn(T) -> bool,
+) -> Result<Vec<T>, String> {
+    let view = tensors.tensor(name).map_err(|_| format!("`{name}` is missing"))?;
+    if view.shape().len() != 1 {
+        return Err(format!("`{name}` has the shape {:?}; one dimension was expected", view.shape()));
+    }
+    numbers(&view, name, decode, is_finite)
+}
+
+fn numbers<T: Copy, const N: usize>(
+    view: &TensorView<'_>,
+    name: &str,
+    decode: fn([u8; N]) -> T,
+    is_finite: fn(T) -> bool,
+) -> Result<Vec<T>, String> {
+    let expected = if N == 4 { Dtype::F32 } else { Dtype::F64 };
+    if view.dtype() != expected {
+        return Err(format!("`{name}` is of type {:?}; {expected:?} was expected", view.dtype()));
+    }
+    let (chunks, _) = view.data().as_chunks::<N>();
+    let numbers: Vec<T> = chunks.iter().map(|&bytes| decode(bytes)).collect();
+    match numbers.iter().position(|&number| !is_finite(number)) {
+        Some(place) => Err(format!("`{name}` is not finite at {place}")),
+        None => Ok(numbers),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::rows::tests::stamp;
+
+    fn agent() -> Agent {
+        let mut rng = Seed(3).stream(Stream::Network, 0);
+        let mut normalizer = Normalizer::new(3, 5.0);
+        for observation in [[0.1, 1e-7, 3.0], [0.7, -1e-7, 1.0 / 3.0], [1e9, 0.3, -2.0]] {
+            normalizer.update(&observation);
+        }
+        Agent {
+            policy: GaussianPolicy::new(3, &[5, 4], 2, 0.3, &mut rng),
+            value: Mlp::new(&[3, 4, 1], 1.0, &mut rng),
+            normalizer,
+        }
+    }
+
+    #[test]
+    fn damaged_and_hostile_files_are_errors() {
+        let whole = encode(&agent(), &stamp()).expect("encoded");
+        assert!(decode(&whole).is_ok());
+        for end in 0..whole.len() {
+            assert!(decode(&whole[..end]).is_err(), "cut at {end}");
+        }
+        for place in 0..whole.len() {
+            let mut damaged = whole.clone();
+            damaged[place] ^= 0x55;
+            let _ = decode(&damaged); // an error or another policy, but no panic
+        }
+        assert!(decode(&[0xff; 64]).is_err());
+    }
+
+    #[test]
+    fn a_number_that_is_none_and_a_shape_that_does_not_fit_are_refused() {
+        let mut broken = agent();
+        broken.value.parameters_mut()[0] = f32::NAN;
+        let message = encode(&broken, &stamp()).and_then(|bytes| decode(&bytes)).expect_err("NaN");
+        assert!(message.contains("value.0.weight"), "{message}");
+        let mut narrow = agent();
+        narrow.normalizer = Normalizer::new(2, 5.0);
+        let message = encode(&narrow, &stamp()).and_then(|bytes| decode(&bytes)).expect_err("2 for 3");
+        assert!(message.contains("normalizer.mean has 2"), "{message}");
+    }
+
+    #[test]
+    fn a_policy_comes_back_bit_for_bit_and_has_the_same_bytes_every_time() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("policy.safetensors");
+        write(&path, &agent(), &stamp()).expect("written");
+        let (read_agent, read_stamp) = read(&path).expect("readable");
+        assert_eq!(read_agent, agent());
+        assert_eq!(read_stamp, stamp());
+        assert_eq!(encode(&agent(), &stamp()), encode(&read_agent, &read_stamp));
+    }
+
+    #[test]
+    fn weights_are_by_rows_as_python_expects() {
+        let bytes = encode(&agent(), &stamp()).expect("encoded");
+        let tensors = SafeTensors::deserialize(&bytes).expect("safetensors");
+        let view = tensors.tensor("policy.mean.0.weight").expect("there");
+        assert_eq!(view.shape(), [5, 3]);
+        let second = f32::from_le_bytes(view.data()[4..8].try_into().expect("four bytes"));
+        let agent = agent();
+        let (weights, _) = agent.policy.mean().layers().next().expect("a layer");
+        assert_eq!(second, weights[(0, 1)]);
+    }
+}

@@ -1,0 +1,183 @@
+//! Where a result comes from: what every file that a run leaves carries.
+
+use std::{env, fs, process::Command, time::SystemTime};
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+/// What every file of a run carries, as JSON under the key [`Stamp::KEY`] of its metadata.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Stamp {
+    /// The resolved specification (a [`crate::plan::RunSpec`]; kept as JSON, so that files of older programs stay readable).
+    pub spec: Value,
+    /// The hash of everything that decides the numbers.
+    pub fingerprint: String,
+    /// What computed it.
+    pub build: Build,
+    /// Who called it; not in policies, whose bytes depend on nothing but the run.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub origin: Option<Origin>,
+}
+
+impl Stamp {
+    /// The key of the metadata of Parquet and safetensors files.
+    pub const KEY: &str = "mcpo-run";
+
+    /// The stamp without whatever differs from call to call.
+    pub fn without_origin(&self) -> Self {
+        Self { origin: None, ..self.clone() }
+    }
+}
+
+/// The program and the class of machine; runs of equal builds have equal bits.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Build {
+    /// The program's version.
+    pub program: String,
+    /// BLAKE3 of the executable file.
+    pub executable: String,
+    /// The versions that matter for numbers, as they entered the fingerprint.
+    pub versions: Value,
+    /// Architecture and the instructions that change last bits, such as `x86_64 fma avx2`.
+    pub cpu_class: String,
+}
+
+impl Build {
+    /// This program on this machine; `versions` are those of the fingerprint.
+    pub fn current(versions: Value) -> Self {
+        let executable = env::current_exe().and_then(fs::read);
+        Self {
+            program: env!("CARGO_PKG_VERSION").to_owned(),
+            executable: executable
+                .map_or_else(|error| format!("unreadable: {error}"), |bytes| blake3::hash(&bytes).to_hex().to_string()),
+            versions,
+            cpu_class: cpu_class(),
+        }
+    }
+}
+
+/// Who called the program, and where.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Origin {
+    /// The machine's name.
+    pub host: String,
+    /// The processor's model.
+    pub cpu: String,
+    /// The command line.
+    pub command_line: Vec<String>,
+    /// When the command was called, UTC (RFC 3339).
+    pub called: String,
+    /// The commit of the folder it was called in, and whether files there differ from it; absent outside a repository.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub git: Option<Git>,
+}
+
+/// A state of a git repository.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Git {
+    /// The commit's hash.
+    pub commit: String,
+    /// Whether tracked files differ from it.
+    pub dirty: bool,
+}
+
+impl Origin {
+    /// This process.
+    pub fn current() -> Self {
+        Self {
+            host: read_line("/proc/sys/kernel/hostname").or_else(|| env::var("HOSTNAME").ok()).unwrap_or_else(unknown),
+            cpu: cpu_model().unwrap_or_else(unknown),
+            command_line: env::args_os().map(|argument| argument.to_string_lossy().into_owned()).collect(),
+            called: now(),
+            git: git(),
+        }
+    }
+}
+
+fn unknown() -> String {
+    "unknown".to_owned()
+}
+
+fn read_line(path: &str) -> Option<String> {
+    Some(fs::read_to_string(path).ok()?.lines().next()?.to_owned())
+}
+
+fn cpu_model() -> Option<String> {
+    let text = fs::read_to_string("/proc/cpuinfo").ok()?;
+    let line = text.lines().find(|line| line.starts_with("model name"))?;
+    Some(line.split_once(':')?.1.trim().to_owned())
+}
+
+#[cfg(target_arch = "x86_64")]
+fn cpu_class() -> String {
+    let mut class = "x86_64".to_owned();
+    let has = [
+        ("fma", std::arch::is_x86_feature_detected!("fma")),
+        ("avx2", std::arch::is_x86_feature_detected!("avx2")),
+        ("avx512f", std::arch::is_x86_feature_detected!("avx512f")),
+    ];
+    for (name, _) in has.iter().filter(|(_, has)| *has) {
+        class.push(' ');
+        class.push_str(name);
+    }
+    class
+}
+
+#[cfg(not(target_arch = "x86_64"))]
+fn cpu_class() -> String {
+    env::consts::ARCH.to_owned()
+}
+
+/// The repository's state; `None` without a repository or without git.
+fn git() -> Option<Git> {
+    let ask = |arguments: &[&str]| {
+        let output = Command::new("git").args(arguments).output().ok()?;
+        output.status.success().then(|| String::from_utf8_lossy(&output.stdout).trim().to_owned())
+    };
+    let commit = ask(&["rev-parse", "HEAD"])?;
+    let changes = ask(&["status", "--porcelain", "--untracked-files=no"])?;
+    Some(Git { commit, dirty: !changes.is_empty() })
+}
+
+/// The time, UTC, to the second: `2026-11-22T11:16:23Z`.
+pub fn now() -> String {
+    let seconds = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0, |elapsed| elapsed.as_secs());
+    rfc3339(seconds)
+}
+
+/// The civil date of a Unix time (Hinnant, 2013, `civil_from_days`).
+fn rfc3339(unix_seconds: u64) -> String {
+    let days = unix_seconds / 86_400 + 719_468; // since 0000-03-01
+    let era = days / 146_097;
+    let day_of_era = days % 146_097;
+    let year_of_era = (day_of_era - day_of_era / 1_460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let march_month = (5 * day_of_year + 2) / 153;
+    let day = day_of_year - (153 * march_month + 2) / 5 + 1;
+    let month = if march_month < 10 { march_month + 3 } else { march_month - 9 };
+    let year = year_of_era + era * 400 + u64::from(month <= 2);
+    let (hour, minute, second) = (unix_seconds / 3_600 % 24, unix_seconds / 60 % 60, unix_seconds % 60);
+    format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}Z")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_are_civil_dates() {
+        // From `date -u -d @N`: the epoch, a leap day, the end of a century that is a leap year, the day after it.
+        assert_eq!(rfc3339(0), "1970-01-01T00:00:00Z");
+        assert_eq!(rfc3339(1_709_210_096), "2024-02-29T12:34:56Z");
+        assert_eq!(rfc3339(951_827_199), "2000-02-29T12:26:39Z");
+        assert_eq!(rfc3339(4_107_542_399), "2100-02-28T23:59:59Z");
+        assert_eq!(rfc3339(4_107_542_400), "2100-03-01T00:00:00Z");
+    }
+
+    #[test]
+    fn a_build_names_its_executable() {
+        let build = Build::current(Value::Null);
+        assert_eq!(build.executable.len(), 64, "{}", build.executable);
+        assert_eq!(build, Build::current(Value::Null));
+    }
+}

@@ -1,0 +1,381 @@
+//! `progress.parquet` and `evaluations.parquet`: one row an iteration, one row an evaluation episode.
+//!
+//! Every row begins with its run's keys, and every file has the same columns of the same types whatever the algorithm, so
+//! that all of them can be scanned as one table. A quantity that a run does not have is null.
+
+use std::{fs::File, path::Path};
+
+use polars::prelude::{
+    Column, DataFrame, DataType, KeyValueMetadata, ParquetReader, ParquetWriter, PolarsError, PolarsResult, SerReader,
+};
+
+use super::{RecordError, Stamp, io_error, write_atomically};
+use crate::{
+    algo::Update,
+    plan::RunSpec,
+    train::{EvaluationEpisode, Iteration},
+};
+
+/// What every row begins with.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Keys {
+    /// The experiment's name.
+    pub experiment: String,
+    /// The run's id.
+    pub run: String,
+    /// The environment's Gym id.
+    pub env: String,
+    /// The algorithm's name.
+    pub algorithm: String,
+    /// The tolerance at the start; absent for algorithms without one.
+    pub d: Option<f64>,
+    /// The annealing factor; absent likewise.
+    pub epsilon: Option<f64>,
+    /// The seed.
+    pub seed: u64,
+}
+
+impl From<&RunSpec> for Keys {
+    fn from(spec: &RunSpec) -> Self {
+        Self {
+            experiment: spec.experiment.clone(),
+            run: spec.id.clone(),
+            env: spec.env.to_string(),
+            algorithm: spec.algorithm_name().to_owned(),
+            d: spec.d(),
+            epsilon: spec.epsilon(),
+            seed: spec.seed.0,
+        }
+    }
+}
+
+/// The kinds of cells that columns hold.
+trait Cell: Sized {
+    /// The type of the column.
+    const TYPE: DataType;
+    /// The column of these cells.
+    fn column(name: &str, cells: Vec<Self>) -> Column;
+    /// The cells of a column; `None` when a cell is null that may not be.
+    fn cells(column: &Column) -> PolarsResult<Option<Vec<Self>>>;
+}
+
+macro_rules! cell {
+    ($($cell:ty = $type:ident by $cells:ident as $get:expr;)*) => {$(
+        impl Cell for $cell {
+            const TYPE: DataType = DataType::$type;
+
+            fn column(name: &str, cells: Vec<Self>) -> Column {
+                Column::new(name.into(), cells)
+            }
+
+            fn cells(column: &Column) -> PolarsResult<Option<Vec<Self>>> {
+                let get: fn(Option<_>) -> Option<Self> = $get;
+                Ok(column.$cells()?.iter().map(get).collect())
+            }
+        }
+    )*};
+}
+
+cell! {
+    u64 = UInt64 by u64 as |cell| cell;
+    f64 = Float64 by f64 as |cell| cell;
+    bool = Boolean by bool as |cell| cell;
+    String = String by str as |cell: Option<&str>| cell.map(str::to_owned);
+    Option<u64> = UInt64 by u64 as Some;
+    Option<f64> = Float64 by f64 as Some;
+    Option<String> = String by str as |cell: Option<&str>| Some(cell.map(str::to_owned));
+}
+
+/// Two functions from one list of columns: `$to` makes the frame of rows, `$from` the rows of a frame. `$row` names every
+/// field of the row, so that a field which is added elsewhere cannot be forgotten here.
+macro_rules! table {
+    ($to:ident, $from:ident, $row:ident; $($column:ident: $cell:ty = $($path:ident).+;)*; $build:expr) => {
+        fn $to(keys: &Keys, rows: &[$row]) -> PolarsResult<DataFrame> {
+            let mut columns = key_columns(keys, rows.len());
+            $(columns.push(<$cell>::column(stringify!($column), rows.iter().map(|row| row.$($path).+.clone()).collect()));)*
+            DataFrame::new(rows.len(), columns)
+        }
+
+        fn $from(frame: &DataFrame) -> PolarsResult<Vec<$row>> {
+            $(let mut $column = cells::<$cell>(frame, stringify!($column))?.into_iter();)*
+            let mut rows = Vec::with_capacity(frame.height());
+            for _ in 0..frame.height() {
+                $(let Some($column) = $column.next() else { break };)*
+                rows.push($build);
+            }
+            Ok(rows)
+        }
+    };
+}
+
+table! { progress_frame, progress_rows, Iteration;
+    iteration: u64 = iteration;
+    env_steps: u64 = env_steps;
+    episodes: u64 = episodes;
+    dense_return: Option<f64> = dense_return;
+    training_return: Option<f64> = training_return;
+    episode_length: Option<f64> = episode_length;
+    kl: Option<f64> = update.kl;
+    entropy: Option<f64> = update.entropy;
+    surrogate_gain: Option<f64> = update.surrogate_gain;
+    value_loss: Option<f64> = update.value_loss;
+    clip_fraction: Option<f64> = update.clip_fraction;
+    mmd: Option<f64> = update.mmd;
+    mmd_after: Option<f64> = update.mmd_after;
+    d_k: Option<f64> = update.d; // `d` is the key: the tolerance that the matrix asks for
+    case: Option<String> = update.case;
+    lambda: Option<f64> = update.lambda;
+    nu: Option<f64> = update.nu;
+    step_fraction: Option<f64> = update.step_fraction;
+    cg_iterations: Option<u64> = update.cg_iterations;
+    recovery_steps: Option<u64> = update.recovery_steps;
+    discriminator_loss: Option<f64> = update.discriminator_loss;
+    cloning_loss: Option<f64> = update.cloning_loss;
+    physics_seconds: f64 = physics_seconds;
+    rollout_seconds: f64 = rollout_seconds;
+    update_seconds: f64 = update_seconds;
+    ; Iteration {
+        iteration, env_steps, episodes, dense_return, training_return, episode_length, physics_seconds,
+        rollout_seconds, update_seconds,
+        update: Update {
+            kl, entropy, surrogate_gain, value_loss, clip_fraction, mmd, mmd_after, d: d_k, case, lambda, nu,
+            step_fraction, cg_iterations, recovery_steps, discriminator_loss, cloning_loss,
+            seconds: Vec::new(), // for `bench` alone; not recorded
+        },
+    }
+}
+
+table! { evaluation_frame, evaluation_rows, EvaluationEpisode;
+    env_steps: u64 = env_steps;
+    last: bool = last;
+    episode: u64 = episode;
+    dense_return: f64 = dense_return;
+    training_return: f64 = training_return;
+    length: u64 = length;
+    ; EvaluationEpisode { env_steps, last, episode, dense_return, training_return, length }
+}
+
+fn key_columns(keys: &Keys, height: usize) -> Vec<Column> {
+    vec![
+        String::column("experiment", vec![keys.experiment.clone(); height]),
+        String::column("run", vec![keys.run.clone(); height]),
+        String::column("env", vec![keys.env.clone(); height]),
+        String::column("algorithm", vec![keys.algorithm.clone(); height]),
+        Option::<f64>::column("d", vec![keys.d; height]),
+        Option::<f64>::column("epsilon", vec![keys.epsilon; height]),
+        u64::column("seed", vec![keys.seed; height]),
+    ]
+}
+
+fn cells<T: Cell>(frame: &DataFrame, name: &str) -> PolarsResult<Vec<T>> {
+    let column = frame.column(name)?;
+    if *column.dtype() != T::TYPE {
+        return Err(PolarsError::SchemaMismatch(
+            format!("column `{name}` is of type {}; {} was expected", column.dtype(), T::TYPE).into(),
+        ));
+    }
+    T::cells(column)?
+        .ok_or_else(|| PolarsError::SchemaMismatch(format!("column `{name}` has nulls; it may have none").into()))
+}
+
+/// Writes the rows of iterations.
+///
+/// Errors: the disk refuses.
+pub fn write_progress(path: &Path, keys: &Keys, stamp: &Stamp, rows: &[Iteration]) -> Result<(), RecordError> {
+    write(path, progress_frame(keys, rows), stamp)
+}
+
+/// The rows of iterations; the seconds of an update's parts are not kept.
+///
+/// Errors: there is no such file, or it has other columns.
+pub fn read_progress(path: &Path) -> Result<Vec<Iteration>, RecordError> {
+    progress_rows(&read(path)?).map_err(|error| malformed(path, error))
+}
+
+/// Writes the rows of evaluation episodes.
+///
+/// Errors: the disk refuses.
+pub fn write_evaluations(
+    path: &Path,
+    keys: &Keys,
+    stamp: &Stamp,
+    rows: &[EvaluationEpisode],
+) -> Result<(), RecordError> {
+    write(path, evaluation_frame(keys, rows), stamp)
+}
+
+/// The rows of evaluation episodes.
+///
+/// Errors: there is no such file, or it has other columns.
+pub fn read_evaluations(path: &Path) -> Result<Vec<EvaluationEpisode>, RecordError> {
+    evaluation_rows(&read(path)?).map_err(|error| malformed(path, error))
+}
+
+/// The keys of a file of either kind.
+///
+/// Errors: there is no such file, it has other columns, or no rows.
+pub fn read_keys(path: &Path) -> Result<Keys, RecordError> {
+    let frame = read(path)?.head(Some(1));
+    keys_of(&frame)
+        .map_err(|error| malformed(path, error))?
+        .ok_or_else(|| malformed(path, PolarsError::NoData("it has no rows".into())))
+}
+
+fn keys_of(frame: &DataFrame) -> PolarsResult<Option<Keys>> {
+    let text = |name| cells::<String>(frame, name).map(|mut cells| cells.pop());
+    let number = |name| cells::<Option<f64>>(frame, name).map(|mut cells| cells.pop().flatten());
+    let (experiment, run, env, algorithm) = (text("experiment")?, text("run")?, text("env")?, text("algorithm")?);
+    let seed = cells::<u64>(frame, "seed")?.pop();
+    let (d, epsilon) = (number("d")?, number("epsilon")?);
+    let all = experiment.zip(run).zip(env.zip(algorithm)).zip(seed);
+    Ok(all.map(|(((experiment, run), (env, algorithm)), seed)| Keys {
+        experiment,
+        run,
+        env,
+        algorithm,
+        d,
+        epsilon,
+        seed,
+    }))
+}
+
+/// The stamp of a file of either kind.
+///
+/// Errors: there is no such file, or it was not written by this program.
+pub fn read_stamp(path: &Path) -> Result<Stamp, RecordError> {
+    let file = File::open(path).map_err(io_error("read", path))?;
+    let mut reader = ParquetReader::new(file);
+    let metadata = reader.get_metadata().map_err(|error| malformed(path, error))?;
+    let entries = metadata.key_value_metadata().iter().flatten();
+    let text = entries.filter(|entry| entry.key == Stamp::KEY).find_map(|entry| entry.value.as_deref());
+    let absent = || RecordError::Malformed {
+        path: path.to_owned(),
+        expected: "a result of this program",
+        reason: format!("its metadata has no `{}`", Stamp::KEY),
+    };
+    serde_json::from_str(text.ok_or_else(absent)?).map_err(|error| RecordError::Malformed {
+        path: path.to_owned(),
+        expected: "a result of this program",
+        reason: error.to_string(),
+    })
+}
+
+fn write(path: &Path, frame: PolarsResult<DataFrame>, stamp: &Stamp) -> Result<(), RecordError> {
+    let stamp = serde_json::to_string(stamp).map_err(|error| io_error("write", path)(error.into()))?;
+    let mut bytes = Vec::new();
+    frame
+        .and_then(|mut frame| {
+            ParquetWriter::new(&mut bytes)
+                .with_key_value_metadata(Some(KeyValueMetadata::from_static(vec![(Stamp::KEY.to_owned(), stamp)])))
+                .set_parallel(false)
+                .finish(&mut frame)
+        })
+        .map_err(|error| malformed(path, error))?;
+    write_atomically(path, &bytes)
+}
+
+fn read(path: &Path) -> Result<DataFrame, RecordError> {
+    let file = File::open(path).map_err(io_error("read", path))?;
+    ParquetReader::new(file).finish().map_err(|error| malformed(path, error))
+}
+
+fn malformed(path: &Path, error: PolarsError) -> RecordError {
+    RecordError::Malformed { path: path.to_owned(), expected: "a table of results", reason: error.to_string() }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use crate::record::Build;
+
+    /// A row with numbers that text would not keep.
+    pub(crate) fn iteration(n: u64) -> Iteration {
+        let update = Update {
+            kl: Some(0.1 + 0.2),
+            case: (n % 2 == 1).then(|| "active".to_owned()),
+            cg_iterations: Some(n),
+            mmd: Some(f64::MIN_POSITIVE / 3.0),
+            d: Some(1e-3),
+            ..Update::default()
+        };
+        Iteration {
+            iteration: n,
+            env_steps: n * 100,
+            episodes: 3,
+            dense_return: (n > 1).then_some(-1.0 / 3.0),
+            training_return: None,
+            episode_length: Some(12.5),
+            update,
+            physics_seconds: 0.125,
+            rollout_seconds: 0.25,
+            update_seconds: 0.5,
+        }
+    }
+
+    pub(crate) fn episode(n: u64) -> EvaluationEpisode {
+        EvaluationEpisode {
+            env_steps: 100,
+            last: n > 0,
+            episode: n,
+            dense_return: 0.1,
+            training_return: 1.0,
+            length: 7,
+        }
+    }
+
+    pub(crate) fn stamp() -> Stamp {
+        let spec = serde_json::json!({ "id": "a/b" });
+        Stamp { spec, fingerprint: "f".to_owned(), build: Build::current(serde_json::Value::Null), origin: None }
+    }
+
+    fn keys(d: Option<f64>) -> Keys {
+        Keys {
+            experiment: "e".to_owned(),
+            run: "a/b".to_owned(),
+            env: "Hopper-v2".to_owned(),
+            algorithm: "mcpo".to_owned(),
+            d,
+            epsilon: None,
+            seed: u64::MAX,
+        }
+    }
+
+    #[test]
+    fn what_is_no_table_of_results_is_an_error_that_names_it() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("progress.parquet");
+        assert!(read_progress(&path).expect_err("absent").to_string().contains("progress.parquet"));
+        std::fs::write(&path, b"PAR1 no").expect("written");
+        assert!(read_progress(&path).is_err() && read_stamp(&path).is_err());
+        write_evaluations(&path, &keys(None), &stamp(), &[episode(0)]).expect("written");
+        assert!(read_progress(&path).expect_err("other columns").to_string().contains("iteration"));
+    }
+
+    #[test]
+    fn rows_and_keys_and_stamp_come_back_bit_for_bit() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (progress, evaluations) = (folder.path().join("p.parquet"), folder.path().join("e.parquet"));
+        let rows: Vec<_> = (1..=5).map(iteration).collect();
+        let episodes: Vec<_> = (0..4).map(episode).collect();
+        write_progress(&progress, &keys(Some(1e-3)), &stamp(), &rows).expect("written");
+        write_evaluations(&evaluations, &keys(None), &stamp(), &episodes).expect("written");
+        assert_eq!(read_progress(&progress).expect("readable"), rows);
+        assert_eq!(read_evaluations(&evaluations).expect("readable"), episodes);
+        assert_eq!(read_keys(&progress).expect("readable"), keys(Some(1e-3)));
+        assert_eq!(read_keys(&evaluations).expect("readable"), keys(None));
+        assert_eq!(read_stamp(&progress).expect("readable"), stamp());
+    }
+
+    #[test]
+    fn every_file_has_the_same_columns_of_the_same_types() {
+        let bare = Iteration { update: Update::default(), dense_return: None, episode_length: None, ..iteration(1) };
+        let full = progress_frame(&keys(Some(1.0)), &[iteration(1)]).expect("a frame");
+        for rows in [vec![], vec![bare]] {
+            let frame = progress_frame(&keys(None), &rows).expect("a frame");
+            assert_eq!(frame.schema(), full.schema());
+        }
+        assert_eq!(full.column("recovery_steps").expect("a column").dtype(), &DataType::UInt64);
+        let none = evaluation_frame(&keys(None), &[]).expect("a frame");
+        assert_eq!(none.schema(), evaluation_frame(&keys(Some(1.0)), &[episode(1)]).expect("a frame").schema());
+    }
+}

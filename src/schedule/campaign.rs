@@ -1,0 +1,285 @@
+//! The queue: starts what is due, longest first, hears what the workers tell, and records what they could not.
+
+use std::{
+    collections::{BTreeMap, VecDeque},
+    path::Path,
+    time::{Duration, Instant},
+};
+
+use super::{
+    Executor,
+    cost::CostModel,
+    event::{Event, Job, Message},
+    failure,
+    progress::{Progress, clock},
+    state::{Planned, RunState},
+    stop::StopRequest,
+};
+use crate::record::Claim;
+
+/// The pause between two looks at everything.
+const TICK: Duration = Duration::from_millis(100);
+/// The pause between two looks at the runs of other processes.
+const LOOK_AROUND: Duration = Duration::from_secs(1);
+
+/// How runs are started and how patient the program is with them.
+#[derive(Debug, Clone, Copy)]
+pub struct Options {
+    /// Runs at a time.
+    pub jobs: usize,
+    /// How often a run that failed is tried again, each time from its last checkpoint.
+    pub retries: u32,
+    /// Whether the first failure stops everything.
+    pub fail_fast: bool,
+    /// A worker that tells nothing for so long is killed.
+    pub hang_timeout: Duration,
+    /// Whether logs hold every iteration.
+    pub verbose: bool,
+}
+
+/// What became of the runs that were due.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Summary {
+    /// How many finished, in this process or another.
+    pub finished: usize,
+    /// The ids and errors of those that failed.
+    pub failed: Vec<(String, String)>,
+    /// How many were stopped or not begun.
+    pub left: usize,
+    /// Whether somebody asked for a stop.
+    pub interrupted: bool,
+}
+
+/// Runs `due` on `executor` until every run has ended, or a stop is asked for.
+pub fn run(
+    due: &[Planned],
+    results: &Path,
+    options: Options,
+    costs: &CostModel,
+    executor: &mut dyn Executor,
+    stop: &StopRequest,
+    progress: &mut Progress,
+) -> Summary {
+    let mut queue: Vec<usize> = (0..due.len()).collect();
+    // Longest first, so that no long run is left alone at the end; the plan's order among equals.
+    queue.sort_by(|&a, &b| costs.seconds(&due[b].spec).total_cmp(&costs.seconds(&due[a].spec)));
+    let campaign = Campaign {
+        due,
+        results,
+        options,
+        costs,
+        executor,
+        progress,
+        queue: queue.into(),
+        running: BTreeMap::new(),
+        elsewhere: Vec::new(),
+        looked_around: Instant::now(),
+        failures: vec![0; due.len()],
+        stopping: false,
+        summary: Summary::default(),
+    };
+    campaign.run(stop)
+}
+
+struct Campaign<'a> {
+    due: &'a [Planned],
+    results: &'a Path,
+    options: Options,
+    costs: &'a CostModel,
+    executor: &'a mut dyn Executor,
+    progress: &'a mut Progress,
+    /// Runs that wait, by their place in `due`.
+    queue: VecDeque<usize>,
+    running: BTreeMap<usize, Worker>,
+    /// Runs that another process has claimed.
+    elsewhere: Vec<usize>,
+    looked_around: Instant,
+    /// How often each run has failed in this call.
+    failures: Vec<u32>,
+    stopping: bool,
+    summary: Summary,
+}
+
+/// A job under way.
+struct Worker {
+    began: Instant,
+    last_sign: Instant,
+    env_steps: u64,
+    last_return: Option<f64>,
+    /// Its last word: finished, stopped, claimed or failed.
+    verdict: Option<Event>,
+    hung: bool,
+}
+
+impl Campaign<'_> {
+    fn run(mut self, stop: &StopRequest) -> Summary {
+        loop {
+            if stop.is_made() && !self.summary.interrupted {
+                self.summary.interrupted = true;
+                self.stop("stopping: the runs under way write a checkpoint; once more to leave at once");
+            }
+            while !self.stopping && self.running.len() < self.options.jobs {
+                let Some(number) = self.queue.pop_front() else { break };
+                self.start(number);
+            }
+            let nothing_waits = self.stopping || self.queue.is_empty() && self.elsewhere.is_empty();
+            if self.running.is_empty() && nothing_waits {
+                break;
+            }
+            match self.executor.wait(TICK) {
+                Some((number, Message::Event(event))) => self.hear(number, event),
+                Some((number, Message::Exited { how, stderr })) => self.end(number, &how, &stderr),
+                None => {}
+            }
+            self.kill_hung();
+            self.look_around();
+            self.progress.tick();
+        }
+        self.summary.left = self.due.len() - self.summary.finished - self.summary.failed.len();
+        self.progress.close();
+        self.summary
+    }
+
+    fn stop(&mut self, why: &str) {
+        self.stopping = true;
+        if !self.running.is_empty() {
+            self.progress.say(why);
+        }
+        for &number in self.running.keys() {
+            self.executor.stop(number);
+        }
+    }
+
+    fn start(&mut self, number: usize) {
+        let run = &self.due[number];
+        let job = Job { results: self.results.to_owned(), stamp: run.stamp.clone(), verbose: self.options.verbose };
+        match self.executor.start(number, &job) {
+            Ok(()) => {
+                let now = Instant::now();
+                let worker =
+                    Worker { began: now, last_sign: now, env_steps: 0, last_return: None, verdict: None, hung: false };
+                self.running.insert(number, worker);
+            }
+            Err(error) => self.fail(number, format!("cannot start a process for it: {error}"), &[], 0),
+        }
+    }
+
+    fn hear(&mut self, number: usize, event: Event) {
+        let Some(worker) = self.running.get_mut(&number) else { return };
+        worker.last_sign = Instant::now();
+        match event {
+            Event::Began { from_env_steps } => {
+                worker.env_steps = from_env_steps;
+                let spec = &self.due[number].spec;
+                let (budget, seconds) = (spec.budget.env_steps.get(), self.costs.seconds(spec));
+                self.progress.begin(number, &spec.id, from_env_steps, budget, seconds);
+            }
+            Event::Iteration { env_steps, training_return } => {
+                worker.env_steps = env_steps;
+                self.progress.iteration(number, env_steps, training_return);
+            }
+            Event::Evaluation { env_steps, dense_return, last } => {
+                worker.last_return = last.then_some(dense_return);
+                self.progress.evaluation(number, env_steps, dense_return);
+            }
+            verdict => worker.verdict = Some(verdict),
+        }
+    }
+
+    fn end(&mut self, number: usize, how: &str, stderr: &[String]) {
+        let Some(worker) = self.running.remove(&number) else { return };
+        match worker.verdict {
+            Some(Event::Finished) => {
+                self.summary.finished += 1;
+                let mean = worker.last_return.map_or_else(String::new, |mean| format!(", return {mean:.1}"));
+                let told = format!("finished in {}{mean}", clock(worker.began.elapsed().as_secs_f64()));
+                self.progress.end(number, true, Some(&told));
+            }
+            Some(Event::Stopped) => {
+                self.progress.end(number, false, None);
+                if !self.stopping {
+                    // Somebody stopped this one alone, who will know why.
+                    self.progress.complain(&format!("{}: stopped from outside", self.due[number].spec.id));
+                }
+            }
+            Some(Event::Claimed) => {
+                self.progress.end(number, false, None);
+                self.progress.say(&format!("{}: another process works on it", self.due[number].spec.id));
+                self.elsewhere.push(number);
+            }
+            Some(Event::Failed { error }) => self.fail(number, error, stderr, worker.env_steps),
+            // A second Ctrl-C reaches the workers too.
+            _ if self.stopping && !worker.hung => self.progress.end(number, false, None),
+            _ => {
+                let cause = if worker.hung {
+                    format!("no progress for {} s, then killed", self.options.hang_timeout.as_secs())
+                } else {
+                    failure::cause(how, stderr)
+                };
+                self.fail(number, cause, stderr, worker.env_steps);
+            }
+        }
+    }
+
+    /// Records a failure, and tries again where that is wanted.
+    fn fail(&mut self, number: usize, error: String, stderr: &[String], env_steps: u64) {
+        let run = &self.due[number];
+        self.failures[number] += 1;
+        let again = !self.stopping && self.failures[number] <= self.options.retries;
+        let kept = failure::record(run, &error, stderr, env_steps, !again);
+        self.progress.end(number, !again, None);
+        if again {
+            let (failed, retries) = (self.failures[number], self.options.retries);
+            self.progress.complain(&format!("{}: {error}; trying again ({failed} of {retries})", run.spec.id));
+            self.queue.push_front(number);
+            return;
+        }
+        self.progress.complain(&format!("{}: failed: {error}", run.spec.id));
+        if let Err(refused) = kept {
+            self.progress.complain(&format!("{}: the failure cannot be recorded: {refused}", run.spec.id));
+        }
+        self.summary.failed.push((run.spec.id.clone(), error));
+        if self.options.fail_fast && !self.stopping {
+            self.stop("stopping after the first failure: the other runs write a checkpoint");
+        }
+    }
+
+    fn kill_hung(&mut self) {
+        for (&number, worker) in &mut self.running {
+            if !worker.hung && worker.last_sign.elapsed() >= self.options.hang_timeout {
+                worker.hung = true;
+                self.executor.kill(number);
+            }
+        }
+    }
+
+    /// Takes up the runs of other processes that let go of them.
+    fn look_around(&mut self) {
+        if self.looked_around.elapsed() < LOOK_AROUND {
+            return;
+        }
+        self.looked_around = Instant::now();
+        for number in std::mem::take(&mut self.elsewhere) {
+            let run = &self.due[number];
+            if !matches!(Claim::is_held(&run.paths), Ok(false)) {
+                self.elsewhere.push(number);
+                continue;
+            }
+            match run.state() {
+                Ok(RunState::Finished(_)) => {
+                    self.summary.finished += 1;
+                    self.progress.say(&format!("{}: finished by another process", run.spec.id));
+                }
+                Ok(RunState::Failed(manifest)) => {
+                    let error = manifest.error().unwrap_or("it did not end").to_owned();
+                    self.progress.complain(&format!("{}: failed in another process: {error}", run.spec.id));
+                    self.summary.failed.push((run.spec.id.clone(), error));
+                }
+                _ => self.queue.push_back(number),
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

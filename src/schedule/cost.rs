@@ -1,0 +1,89 @@
+//! How long a run will take: from recorded speeds where there are any, else from the costs of physics and networks.
+
+use std::collections::BTreeMap;
+
+use crate::{env::EnvId, plan::RunSpec, record::Manifest};
+
+/// The expected duration of runs.
+#[derive(Debug, Clone, Default)]
+pub struct CostModel {
+    /// Total seconds and steps of finished runs, by environment and algorithm.
+    recorded: BTreeMap<(EnvId, String), (f64, u64)>,
+}
+
+impl CostModel {
+    /// Takes a finished run into account.
+    pub fn learn(&mut self, spec: &RunSpec, manifest: &Manifest) {
+        let (seconds, steps) = self.recorded.entry(key(spec)).or_default();
+        *seconds += manifest.seconds;
+        *steps += manifest.env_steps;
+    }
+
+    /// The expected seconds of `spec` in one process on one core.
+    pub fn seconds(&self, spec: &RunSpec) -> f64 {
+        let steps = spec.budget.env_steps.get() as f64;
+        match self.recorded.get(&key(spec)) {
+            Some(&(seconds, recorded)) if recorded > 0 => steps * seconds / recorded as f64,
+            _ => steps * (physics_seconds(spec.env) + network_seconds(spec)),
+        }
+    }
+}
+
+fn key(spec: &RunSpec) -> (EnvId, String) {
+    (spec.env, spec.algorithm_name().to_owned())
+}
+
+/// Seconds of one environment step on one core of 2026 (frame skip included).
+fn physics_seconds(env: EnvId) -> f64 {
+    1e-6 * match env {
+        EnvId::MountainCar => 1.0,
+        EnvId::InvertedPendulum => 44.0,
+        EnvId::InvertedDoublePendulum => 80.0,
+        EnvId::HalfCheetah => 60.0,
+        EnvId::Hopper => 160.0,
+        EnvId::Walker2d => 244.0,
+        EnvId::Ant => 445.0,
+    }
+}
+
+/// Seconds that the networks take for one environment step.
+fn network_seconds(spec: &RunSpec) -> f64 {
+    // Passes over a network, forward or backward, that one step's sample goes through: ten epochs of two networks, or
+    // twenty products of conjugate gradient and the value network's epochs.
+    let passes = match spec.algorithm_name() {
+        "random" => return 0.0,
+        "mcpo" | "trpo" | "mmd_il" => 110.0,
+        _ => 60.0,
+    };
+    let hidden: Vec<f64> = spec.network.hidden.iter().map(|width| width.get() as f64).collect();
+    let inside: f64 = hidden.windows(2).map(|pair| pair[0] * pair[1]).sum();
+    let outside = 20.0 * hidden.iter().sum::<f64>(); // an input and an output of some 20 numbers
+    let operations = 2.0 * (inside + outside) * passes;
+    operations / 5e10 // f32 operations per second on one core
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::schedule::tests::{planned, spec};
+
+    #[test]
+    fn recorded_speeds_replace_the_guess_for_their_own_kind_of_run() {
+        let (mut model, spec) = (CostModel::default(), spec("a", 0));
+        let guess = model.seconds(&spec);
+        assert!(guess > 0.0);
+        let mut manifest = Manifest::new(planned(std::path::Path::new("r"), "a", 0).stamp);
+        (manifest.seconds, manifest.env_steps) = (100.0, spec.budget.env_steps.get() / 2);
+        model.learn(&spec, &manifest);
+        assert!((model.seconds(&spec) - 200.0).abs() < 1e-9, "{}", model.seconds(&spec));
+        let elsewhere = RunSpec { env: EnvId::Ant, ..spec.clone() };
+        assert_eq!(model.seconds(&elsewhere), CostModel::default().seconds(&elsewhere));
+    }
+
+    #[test]
+    fn the_heavier_task_is_expected_to_take_longer() {
+        let model = CostModel::default();
+        let on = |env| model.seconds(&RunSpec { env, ..spec("a", 0) });
+        assert!(on(EnvId::Ant) > on(EnvId::HalfCheetah) && on(EnvId::HalfCheetah) > on(EnvId::MountainCar));
+    }
+}

@@ -1,0 +1,146 @@
+//! The record of a failure that its own process could not make.
+
+use std::{
+    fs::{self, OpenOptions},
+    io::{Read, Seek, SeekFrom, Write},
+    path::Path,
+};
+
+use super::state::Planned;
+use crate::record::{Claim, Manifest, Outcome, RecordError, RunPaths};
+
+/// The lines of `log.txt` and of stderr that go into `run.json`, each.
+const TAIL_LINES: usize = 20;
+/// The end of `log.txt` that is searched for them, bytes.
+const TAIL_BYTES: u64 = 16 << 10;
+
+/// Why a process that told nothing ended: how it did, and the first line of what it said of it.
+pub(super) fn cause(how: &str, stderr: &[String]) -> String {
+    // A panic's place and its message are two lines.
+    let panic = stderr.iter().position(|line| line.contains("panicked at"));
+    let said = match panic {
+        Some(place) => stderr.get(place + 1).or(stderr.get(place)),
+        None => stderr.iter().rev().find(|line| !line.trim().is_empty()),
+    };
+    match said {
+        Some(line) => format!("its process {}: {}", phrase(how), line.trim()),
+        None => format!("its process {}", phrase(how)),
+    }
+}
+
+/// `exit code 3` as part of a sentence.
+fn phrase(how: &str) -> String {
+    if how.starts_with("exit code") { format!("left with {how}") } else { how.replacen("killed", "was killed", 1) }
+}
+
+/// Writes into a run's manifest that an attempt ended in `error`; when that was the `last` attempt, the run has failed, and is
+/// put into its place. Does nothing when somebody else has taken the run up or finished it.
+///
+/// Errors: the disk refuses.
+pub(super) fn record(
+    run: &Planned,
+    error: &str,
+    stderr: &[String],
+    env_steps: u64,
+    last: bool,
+) -> Result<(), RecordError> {
+    let paths = &run.paths;
+    let Some(_claim) = Claim::take(paths)? else { return Ok(()) };
+    if paths.ended()?.is_some_and(|manifest| manifest.outcome == Outcome::Finished) {
+        return Ok(());
+    }
+    paths.open()?;
+    let path = RunPaths::manifest(&paths.partial);
+    let mut manifest = match Manifest::read(&path)? {
+        Some(manifest) if manifest.stamp.fingerprint != run.stamp.fingerprint => return Ok(()), // not this run's
+        found => found.unwrap_or_else(|| Manifest::new(run.stamp.clone())),
+    };
+    let log = RunPaths::log(&paths.partial);
+    let mut log_tail = tail(&log);
+    log_tail.extend(stderr.iter().rev().take(TAIL_LINES).rev().map(|line| format!("stderr: {line}")));
+    // The log is for people; a run's failure does not depend on it.
+    let _ = OpenOptions::new().create(true).append(true).open(&log).and_then(|mut log| {
+        stderr.iter().try_for_each(|line| writeln!(log, "stderr: {line}"))?;
+        writeln!(log, "failed: {error}")
+    });
+    manifest.end_attempt(Some(error.to_owned()));
+    manifest.env_steps = env_steps;
+    if !last {
+        return manifest.write(&path);
+    }
+    manifest.outcome = Outcome::Failed { error: error.to_owned(), log_tail };
+    paths.close(&manifest)
+}
+
+/// The last lines of a log; none where it cannot be read.
+fn tail(path: &Path) -> Vec<String> {
+    let read = || -> std::io::Result<Vec<u8>> {
+        let mut file = fs::File::open(path)?;
+        let length = file.metadata()?.len();
+        file.seek(SeekFrom::Start(length.saturating_sub(TAIL_BYTES)))?;
+        let mut bytes = Vec::new();
+        file.read_to_end(&mut bytes)?;
+        Ok(bytes)
+    };
+    let bytes = read().unwrap_or_default();
+    let text = String::from_utf8_lossy(&bytes);
+    let lines: Vec<&str> = text.lines().collect();
+    lines.iter().skip(lines.len().saturating_sub(TAIL_LINES)).map(|line| (*line).to_owned()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::schedule::tests::planned;
+
+    #[test]
+    fn the_cause_is_what_the_process_said_last() {
+        let lines = |text: &str| text.lines().map(str::to_owned).collect::<Vec<_>>();
+        let panic =
+            lines("thread 'main' panicked at src/x.rs:1:2:\nindex out of bounds\nnote: run with RUST_BACKTRACE=1");
+        assert_eq!(
+            cause("panicked (exit code 101)", &panic),
+            "its process panicked (exit code 101): index out of bounds"
+        );
+        assert_eq!(cause("killed by signal 9 (SIGKILL)", &[]), "its process was killed by signal 9 (SIGKILL)");
+        assert_eq!(cause("exit code 3", &lines("first\nlast\n\n")), "its process left with exit code 3: last");
+    }
+
+    #[test]
+    fn a_failure_is_recorded_in_the_runs_place_and_keeps_its_checkpoint() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let run = planned(folder.path(), "a", 0);
+        run.paths.open().expect("made");
+        for file in [RunPaths::checkpoint, RunPaths::progress] {
+            fs::write(file(&run.paths.partial), "x").expect("written");
+        }
+        let many: String = (0..100).map(|n| format!("line {n}\n")).collect();
+        fs::write(RunPaths::log(&run.paths.partial), many).expect("written");
+        record(&run, "boom", &["abort".to_owned()], 7, false).expect("recorded");
+        assert!(run.paths.ended().expect("readable").is_none(), "it was to be tried again");
+        record(&run, "boom", &["abort".to_owned()], 7, true).expect("recorded");
+        let manifest = run.paths.ended().expect("readable").expect("there");
+        let Outcome::Failed { error, log_tail } = &manifest.outcome else { panic!("{:?}", manifest.outcome) };
+        assert_eq!((error.as_str(), manifest.env_steps), ("boom", 7));
+        assert_eq!(log_tail.last().map(String::as_str), Some("stderr: abort"));
+        assert!(log_tail.contains(&"line 99".to_owned()) && log_tail.len() <= 2 * TAIL_LINES, "{log_tail:?}");
+        assert!(RunPaths::checkpoint(&run.paths.complete).exists());
+        assert!(!RunPaths::progress(&run.paths.complete).exists(), "half a run would be scanned");
+        assert!(!run.paths.partial.exists());
+    }
+
+    #[test]
+    fn a_failure_is_not_recorded_over_somebody_elses_work() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let run = planned(folder.path(), "a", 0);
+        let claim = Claim::take(&run.paths).expect("made").expect("free");
+        record(&run, "boom", &[], 0, true).expect("nothing to do");
+        assert!(!run.paths.complete.exists());
+        drop(claim);
+        run.paths.open().expect("made");
+        let finished = Manifest { outcome: Outcome::Finished, ..Manifest::new(run.stamp.clone()) };
+        run.paths.close(&finished).expect("closed");
+        record(&run, "boom", &[], 0, true).expect("nothing to do");
+        assert_eq!(run.paths.ended().expect("readable"), Some(finished));
+    }
+}

@@ -1,0 +1,195 @@
+//! Jobs as processes on this machine.
+
+use std::{
+    collections::{BTreeMap, BTreeSet, VecDeque},
+    io::{self, BufRead, BufReader, Read, Write},
+    path::PathBuf,
+    process::{Child, Command, ExitStatus, Stdio},
+    sync::mpsc::{self, Receiver, Sender},
+    thread::{self, JoinHandle},
+    time::{Duration, Instant},
+};
+
+use super::{
+    Executor,
+    event::{Event, Job, Message},
+};
+
+/// The lines of stderr that are kept of each process.
+const STDERR_LINES: usize = 40;
+/// The length at which a line of stderr is cut, bytes.
+const STDERR_WIDTH: usize = 1000;
+
+/// One process a job.
+#[derive(Debug)]
+pub struct LocalProcesses {
+    program: PathBuf,
+    processes: BTreeMap<usize, Process>,
+    sender: Sender<(usize, Told)>,
+    receiver: Receiver<(usize, Told)>,
+}
+
+#[derive(Debug)]
+struct Process {
+    child: Child,
+    stderr: JoinHandle<Vec<String>>,
+    /// Whether its stdout has ended, which it does when the process does.
+    silent: bool,
+}
+
+#[derive(Debug)]
+enum Told {
+    Event(Event),
+    End,
+}
+
+impl LocalProcesses {
+    /// Processes of this very program.
+    ///
+    /// Errors: its file is gone.
+    pub fn new() -> io::Result<Self> {
+        let (sender, receiver) = mpsc::channel();
+        Ok(Self { program: std::env::current_exe()?, processes: BTreeMap::new(), sender, receiver })
+    }
+
+    /// A process that has ended since the last look.
+    fn reap(&mut self) -> Option<(usize, Message)> {
+        let ended = self.processes.iter_mut().filter(|(_, process)| process.silent).find_map(|(&number, process)| {
+            let status = process.child.try_wait().transpose()?;
+            Some((number, status.map_or_else(|error| format!("lost: {error}"), describe)))
+        });
+        let (number, how) = ended?;
+        let stderr = self.processes.remove(&number)?.stderr.join().unwrap_or_default();
+        Some((number, Message::Exited { how, stderr }))
+    }
+}
+
+impl Executor for LocalProcesses {
+    fn start(&mut self, number: usize, job: &Job) -> io::Result<()> {
+        let mut line = serde_json::to_vec(job)?;
+        line.push(b'\n');
+        let mut child = Command::new(&self.program)
+            .arg("worker")
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()?;
+        let (Some(stdin), Some(stdout), Some(stderr)) = (&mut child.stdin, child.stdout.take(), child.stderr.take())
+        else {
+            unreachable!("all three pipes were asked for")
+        };
+        // A worker that is dead already shows it by its exit.
+        let _ = stdin.write_all(&line).and_then(|()| stdin.flush());
+        let sender = self.sender.clone();
+        thread::spawn(move || {
+            for line in BufReader::new(stdout).lines().map_while(Result::ok) {
+                // The physics engine may print too: what is no event is no message.
+                let Ok(event) = serde_json::from_str(&line) else { continue };
+                if sender.send((number, Told::Event(event))).is_err() {
+                    return;
+                }
+            }
+            let _ = sender.send((number, Told::End)); // nobody listens any more when this fails
+        });
+        let stderr = thread::spawn(move || last_lines(stderr));
+        self.processes.insert(number, Process { child, stderr, silent: false });
+        Ok(())
+    }
+
+    fn wait(&mut self, timeout: Duration) -> Option<(usize, Message)> {
+        let until = Instant::now() + timeout;
+        loop {
+            if let Some(message) = self.reap() {
+                return Some(message);
+            }
+            let pause = until.saturating_duration_since(Instant::now()).min(Duration::from_millis(20));
+            match self.receiver.recv_timeout(pause) {
+                Ok((number, Told::Event(event))) => return Some((number, Message::Event(event))),
+                Ok((number, Told::End)) => {
+                    if let Some(process) = self.processes.get_mut(&number) {
+                        process.silent = true;
+                    }
+                }
+                Err(_) if Instant::now() >= until => return None,
+                Err(_) => {}
+            }
+        }
+    }
+
+    fn stop(&mut self, number: usize) {
+        if let Some(process) = self.processes.get_mut(&number) {
+            drop(process.child.stdin.take()); // its end is the message
+        }
+    }
+
+    fn kill(&mut self, number: usize) {
+        if let Some(process) = self.processes.get_mut(&number) {
+            let _ = process.child.kill(); // fails when it is dead already
+        }
+    }
+}
+
+/// The cores that this process may use, two threads of one core counted once.
+pub fn physical_cores() -> usize {
+    let threads = thread::available_parallelism().map_or(1, usize::from);
+    let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let field = |line: &str, name: &str| {
+        let (key, value) = line.split_once(':')?;
+        (key.trim() == name).then(|| value.trim().to_owned())
+    };
+    let cores: BTreeSet<(String, String)> = text
+        .split("\n\n")
+        .filter_map(|processor| {
+            let find = |name| processor.lines().find_map(|line| field(line, name));
+            Some((find("physical id")?, find("core id")?))
+        })
+        .collect();
+    // Where the system does not say, and where fewer threads than cores are ours, threads count.
+    if cores.is_empty() { threads } else { cores.len().min(threads) }
+}
+
+/// The last lines of a stream, read to its end.
+fn last_lines(stream: impl Read) -> Vec<String> {
+    let mut lines = VecDeque::new();
+    let mut reader = BufReader::new(stream);
+    let mut line = Vec::new();
+    // A line without end must not fill the memory: what is longer comes in pieces.
+    while reader.by_ref().take(STDERR_WIDTH as u64).read_until(b'\n', &mut line).is_ok_and(|read| read > 0) {
+        if lines.len() == STDERR_LINES {
+            lines.pop_front();
+        }
+        lines.push_back(String::from_utf8_lossy(&line).trim_end().to_owned());
+        line.clear();
+    }
+    lines.into()
+}
+
+/// How a process ended, in words.
+fn describe(status: ExitStatus) -> String {
+    #[cfg(unix)]
+    if let Some(signal) = std::os::unix::process::ExitStatusExt::signal(&status) {
+        let name = signal_hook::low_level::signal_name(signal).unwrap_or("an unknown signal");
+        let hint = if name == "SIGKILL" { "; the system does this when memory runs out" } else { "" };
+        return format!("killed by signal {signal} ({name}{hint})");
+    }
+    match status.code() {
+        Some(101) => "panicked (exit code 101)".to_owned(),
+        Some(code) => format!("exit code {code}"),
+        None => status.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_the_last_lines_are_kept_however_long_they_are() {
+        let many: String = (0..100).map(|n| format!("line {n}\n")).collect();
+        let kept = last_lines(many.as_bytes());
+        assert_eq!((kept.len(), kept[0].as_str(), kept[39].as_str()), (40, "line 60", "line 99"));
+        let endless = vec![b'x'; 1_000_000];
+        assert!(last_lines(endless.as_slice()).iter().all(|line| line.len() <= STDERR_WIDTH));
+        assert_eq!(last_lines(b"\xff no text".as_slice()), ["\u{fffd} no text"]);
+    }
+}

@@ -1,0 +1,186 @@
+//! What must hold before anything starts, checked for all runs at once.
+
+use std::{
+    collections::BTreeMap,
+    fmt, fs,
+    path::{Path, PathBuf},
+};
+
+use super::state::{Planned, RunState};
+use crate::{
+    algo,
+    demo::{DemoError, Demonstration},
+    env::{self, EnvId},
+    plan::{RunSpec, Versions},
+    record::{Build, Claim, Origin, RecordError, RunPaths, Stamp, check_writable},
+};
+
+/// Why nothing was started.
+#[derive(Debug, thiserror::Error)]
+pub enum Problem {
+    /// A demonstration is missing, damaged or of another environment.
+    #[error(transparent)]
+    Demonstration(#[from] DemoError),
+    /// The results cannot be read or written.
+    #[error(transparent)]
+    Record(#[from] RecordError),
+    /// Two runs would be recorded in the same place.
+    #[error("two different runs would be recorded as {}", .0.display())]
+    SamePlace(PathBuf),
+    /// What is recorded is of another specification.
+    #[error("{} holds another run; it differs in {}; --fresh sets it aside and runs anew", folder.display(), keys.join(", "))]
+    Differs {
+        /// Where it is recorded.
+        folder: PathBuf,
+        /// The keys that differ.
+        keys: Vec<String>,
+    },
+    /// What is recorded cannot be used.
+    #[error("{reason}; it is left as it is; --fresh sets it aside and runs anew")]
+    Unusable {
+        /// Why not.
+        reason: String,
+    },
+    /// What would be set aside is being written.
+    #[error("{} cannot be set aside: another process works on it", .0.display())]
+    InUse(PathBuf),
+    /// The results would not fit.
+    #[error("{} has {available_mib} MiB left; these runs may need {needed_mib} MiB; make room, or name another folder with --results", folder.display())]
+    NoSpace {
+        /// The folder of results.
+        folder: PathBuf,
+        /// What is free.
+        available_mib: u64,
+        /// What is needed.
+        needed_mib: u64,
+    },
+}
+
+/// All of them; at least one.
+#[derive(Debug)]
+pub struct Problems(pub Vec<Problem>);
+
+impl fmt::Display for Problems {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let lines: Vec<String> = self.0.iter().map(Problem::to_string).collect();
+        f.write_str(&lines.join("\n"))
+    }
+}
+
+impl std::error::Error for Problems {}
+
+/// Gives every run its places and its fingerprint, and checks the demonstrations. Writes nothing.
+///
+/// Errors: every demonstration that cannot be used, each once; names that lead elsewhere; runs that share a place.
+pub fn plan(specs: Vec<RunSpec>, results: &Path) -> Result<Vec<Planned>, Problems> {
+    let mut problems = Vec::new();
+    let mut digests = BTreeMap::new();
+    for spec in &specs {
+        let Some(path) = &spec.demonstration else { continue };
+        digests.entry((path.clone(), spec.env)).or_insert_with(|| match digest(path, spec.env) {
+            Ok(digest) => Some(digest),
+            Err(error) => {
+                problems.push(Problem::Demonstration(error));
+                None
+            }
+        });
+    }
+    let versions = Versions {
+        algorithm_revision: algo::REVISION,
+        mujoco: env::engine_version().to_owned(),
+        models: env::models_digest(),
+    };
+    let build = Build::current(serde_json::to_value(&versions).unwrap_or_default());
+    let origin = Origin::current();
+    let mut planned: Vec<Planned> = Vec::new();
+    let mut places: BTreeMap<PathBuf, String> = BTreeMap::new();
+    for spec in specs {
+        let digest = spec.demonstration.as_ref().and_then(|path| digests.get(&(path.clone(), spec.env))?.as_deref());
+        let stamp = Stamp {
+            spec: serde_json::to_value(&spec).unwrap_or_default(),
+            fingerprint: spec.fingerprint(digest, &versions),
+            build: build.clone(),
+            origin: Some(origin.clone()),
+        };
+        match RunPaths::new(results, &spec.experiment, &spec.id) {
+            Err(error) => problems.push(error.into()),
+            Ok(paths) => match places.insert(paths.complete.clone(), stamp.fingerprint.clone()) {
+                None => planned.push(Planned { spec, paths, stamp }),
+                Some(before) if before == stamp.fingerprint => {} // named twice: one run
+                Some(_) => problems.push(Problem::SamePlace(paths.complete)),
+            },
+        }
+    }
+    if problems.is_empty() { Ok(planned) } else { Err(Problems(problems)) }
+}
+
+/// The digest of a demonstration's file, once it is known to fit.
+fn digest(path: &Path, env: EnvId) -> Result<String, DemoError> {
+    Demonstration::read_for(path, env)?;
+    let bytes =
+        fs::read(path).map_err(|error| DemoError::Unreadable { path: path.to_owned(), reason: error.to_string() })?;
+    Ok(blake3::hash(&bytes).to_hex().to_string())
+}
+
+/// Makes the results ready: the folder can be written to and has room, and nothing that is recorded stands in the way;
+/// what does is set aside when `fresh`. Gives each run's state.
+///
+/// Errors: whatever stands in the way, all of it; then nothing was set aside.
+pub fn prepare(planned: &[Planned], results: &Path, fresh: bool) -> Result<Vec<RunState>, Problems> {
+    let mut problems = Vec::new();
+    if let Err(error) = check_writable(results) {
+        return Err(Problems(vec![error.into()]));
+    }
+    let mut states = Vec::with_capacity(planned.len());
+    for run in planned {
+        match run.state() {
+            Err(error) => problems.push(error.into()),
+            Ok(RunState::Differs { keys }) if !fresh => {
+                let folder = if run.paths.complete.exists() { &run.paths.complete } else { &run.paths.partial };
+                problems.push(Problem::Differs { folder: folder.clone(), keys });
+            }
+            Ok(RunState::Unusable { reason }) if !fresh => problems.push(Problem::Unusable { reason }),
+            Ok(state) => states.push(state),
+        }
+    }
+    let due = planned.iter().zip(&states).filter(|(_, state)| !matches!(state, RunState::Finished(_)));
+    let needed: u64 = due.map(|(run, _)| bytes_needed(&run.spec)).sum();
+    match fs4::available_space(results) {
+        Ok(available) if available < needed => problems.push(Problem::NoSpace {
+            folder: results.to_owned(),
+            available_mib: available >> 20,
+            needed_mib: needed.div_ceil(1 << 20),
+        }),
+        _ => {} // a file system that does not tell is no reason to refuse
+    }
+    if !problems.is_empty() {
+        return Err(Problems(problems));
+    }
+    for (run, state) in planned.iter().zip(&mut states) {
+        if matches!(state, RunState::Differs { .. } | RunState::Unusable { .. }) {
+            set_aside(run).map_err(|problem| Problems(vec![problem]))?;
+            *state = RunState::ToDo;
+        }
+    }
+    Ok(states)
+}
+
+fn set_aside(run: &Planned) -> Result<(), Problem> {
+    let Some(_claim) = Claim::take(&run.paths)? else { return Err(Problem::InUse(run.paths.partial.clone())) };
+    run.paths.set_aside()?;
+    Ok(())
+}
+
+/// What a run may take on the disk: its rows, and checkpoints and policies of the size of its networks.
+fn bytes_needed(spec: &RunSpec) -> u64 {
+    let hidden: Vec<u64> = spec.network.hidden.iter().map(|width| width.get()).collect();
+    let inside: u64 = hidden.windows(2).map(|pair| pair[0].saturating_mul(pair[1])).sum();
+    let parameters = inside + 120 * hidden.iter().sum::<u64>(); // Ant's 111 observations are the most
+    let network = 4 * parameters; // f32
+    let steps = spec.budget.env_steps.get();
+    let rows =
+        300 * (steps / spec.rollout.steps.get() + steps / spec.evaluation.every.get() * spec.evaluation.episodes.get());
+    let kept = spec.checkpoint.keep_policy_every.map_or(0, |every| steps / every.get());
+    // Two networks with two moments each, in two checkpoints while one replaces the other.
+    rows.saturating_add(network.saturating_mul(2 * 3 * 2)).saturating_add(kept.saturating_mul(2 * network))
+}

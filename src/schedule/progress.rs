@@ -1,0 +1,261 @@
+//! How far a campaign is, for people: one bar a run and one for the whole, or a plain line now and then.
+
+use std::{
+    collections::BTreeMap,
+    io::{self, IsTerminal, Write},
+    time::{Duration, Instant},
+};
+
+use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+/// Plain lines are this far apart; ends of runs are told at once.
+const LINE_INTERVAL: Duration = Duration::from_secs(20);
+
+/// How progress is shown.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Style {
+    /// Bars that are redrawn, for a terminal.
+    Bars,
+    /// Lines, for a file or a pipe.
+    Lines,
+    /// Failures alone.
+    Quiet,
+}
+
+impl Style {
+    /// Bars where stderr is a terminal, else lines; nothing when `quiet`.
+    pub fn choose(quiet: bool) -> Self {
+        match (quiet, io::stderr().is_terminal()) {
+            (true, _) => Self::Quiet,
+            (false, true) => Self::Bars,
+            (false, false) => Self::Lines,
+        }
+    }
+}
+
+/// What is shown on stderr.
+#[derive(Debug)]
+pub struct Progress {
+    style: Style,
+    verbose: bool,
+    screen: MultiProgress,
+    whole: ProgressBar,
+    began: Instant,
+    last_line: Instant,
+    runs: usize,
+    ended: usize,
+    /// Expected seconds of work that are left and that were done since the beginning.
+    work_left: f64,
+    work_done: f64,
+    steps_done: u64,
+    running: BTreeMap<usize, Running>,
+}
+
+#[derive(Debug)]
+struct Running {
+    label: String,
+    bar: ProgressBar,
+    began: Instant,
+    budget: u64,
+    from: u64,
+    env_steps: u64,
+    work_per_step: f64,
+    last_return: Option<f64>,
+}
+
+impl Running {
+    fn steps_per_second(&self) -> f64 {
+        (self.env_steps - self.from) as f64 / self.began.elapsed().as_secs_f64().max(1e-3)
+    }
+
+    fn seconds_left(&self) -> Option<f64> {
+        let speed = self.steps_per_second();
+        (speed > 0.0).then(|| self.budget.saturating_sub(self.env_steps) as f64 / speed)
+    }
+}
+
+impl Progress {
+    /// Shows a campaign of `runs` runs, whose work would take `seconds` in one process.
+    pub fn new(style: Style, verbose: bool, runs: usize, seconds: f64) -> Self {
+        let target = if style == Style::Bars { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+        let screen = MultiProgress::with_draw_target(target);
+        let whole = screen.add(ProgressBar::new(1000));
+        whole.set_style(bar_style("{bar:30.green} {percent:>3} %  {wide_msg}"));
+        Self {
+            style,
+            verbose,
+            screen,
+            whole,
+            began: Instant::now(),
+            last_line: Instant::now(),
+            runs,
+            ended: 0,
+            work_left: seconds,
+            work_done: 0.0,
+            steps_done: 0,
+            running: BTreeMap::new(),
+        }
+    }
+
+    /// Run `number` begins at `from` of `budget` environment steps; all of it would take `seconds`.
+    pub fn begin(&mut self, number: usize, label: &str, from: u64, budget: u64, seconds: f64) {
+        let bar = self.screen.insert_before(&self.whole, ProgressBar::new(budget));
+        bar.set_style(bar_style("{bar:30} {percent:>3} %  {prefix}  {wide_msg}"));
+        bar.set_prefix(label.to_owned());
+        let work_per_step = seconds / budget.max(1) as f64;
+        self.work_left -= work_per_step * from as f64;
+        let running = Running {
+            label: label.to_owned(),
+            bar,
+            began: Instant::now(),
+            budget,
+            from,
+            env_steps: from,
+            work_per_step,
+            last_return: None,
+        };
+        self.running.insert(number, running);
+    }
+
+    /// Run `number` is at `env_steps`.
+    pub fn iteration(&mut self, number: usize, env_steps: u64, training_return: Option<f64>) {
+        let Some(run) = self.running.get_mut(&number) else { return };
+        let steps = env_steps.saturating_sub(run.env_steps);
+        self.steps_done += steps;
+        self.work_done += run.work_per_step * steps as f64;
+        self.work_left -= run.work_per_step * steps as f64;
+        run.env_steps = env_steps;
+        run.last_return = training_return.or(run.last_return);
+        run.bar.set_position(env_steps.min(run.budget));
+        let left = run.seconds_left().map_or_else(String::new, |seconds| format!(", {} left", clock(seconds)));
+        let mean = run.last_return.map_or_else(String::new, |mean| format!(", return {mean:.1}"));
+        run.bar.set_message(format!("{} steps/s{left}{mean}", thousands(run.steps_per_second())));
+    }
+
+    /// Run `number` was evaluated.
+    pub fn evaluation(&mut self, number: usize, env_steps: u64, dense_return: f64) {
+        let Some(run) = self.running.get(&number).filter(|_| self.verbose) else { return };
+        self.say(&format!("{} at {} steps: return {dense_return:.2}", run.label, thousands(env_steps as f64)));
+    }
+
+    /// Run `number` is no longer under way; `how` is told where there is something to tell. It counts as ended when `done`.
+    pub fn end(&mut self, number: usize, done: bool, how: Option<&str>) {
+        let Some(run) = self.running.remove(&number) else { return };
+        run.bar.finish_and_clear();
+        self.screen.remove(&run.bar);
+        if done {
+            self.ended += 1;
+            self.work_left -= run.work_per_step * run.budget.saturating_sub(run.env_steps) as f64;
+        } else {
+            self.work_left += run.work_per_step * run.env_steps as f64; // it will begin again, and say where
+        }
+        if let Some(how) = how {
+            self.say(&format!("{}: {how}", run.label));
+        }
+    }
+
+    /// Redraws the whole; to be called a few times a second.
+    pub fn tick(&mut self) {
+        let status = self.status();
+        let share = self.work_done / (self.work_done + self.work_left.max(0.0)).max(1e-9);
+        self.whole.set_position((1000.0 * share) as u64);
+        self.whole.set_message(status.clone());
+        if self.style == Style::Lines && self.last_line.elapsed() >= LINE_INTERVAL {
+            self.last_line = Instant::now();
+            self.say(&status);
+        }
+    }
+
+    /// Runs, speed and time left, in a line.
+    fn status(&self) -> String {
+        let elapsed = self.began.elapsed().as_secs_f64().max(1e-3);
+        let speed = thousands(self.steps_done as f64 / elapsed);
+        // The whole at the rate of work so far, but no sooner than the slowest of those that run.
+        let by_work = (self.work_done > 0.0).then(|| self.work_left.max(0.0) * elapsed / self.work_done);
+        let slowest = self.running.values().filter_map(Running::seconds_left).reduce(f64::max);
+        let left = match by_work.into_iter().chain(slowest).reduce(f64::max) {
+            Some(seconds) => format!("about {} left", clock(seconds)),
+            None => "time left not yet known".to_owned(),
+        };
+        let running = self.running.len();
+        format!("{} of {} runs done, {running} running, {speed} steps/s, {left}", self.ended, self.runs)
+    }
+
+    /// Writes a line above the bars. A stderr that is gone is nobody's problem but its reader's.
+    pub fn say(&self, line: &str) {
+        match self.style {
+            Style::Bars => drop(self.screen.println(line)),
+            Style::Lines => drop(writeln!(io::stderr(), "{line}")),
+            Style::Quiet => {}
+        }
+    }
+
+    /// Writes a line that is shown in every style.
+    pub fn complain(&self, line: &str) {
+        match self.style {
+            Style::Quiet => drop(writeln!(io::stderr(), "{line}")),
+            Style::Bars | Style::Lines => self.say(line),
+        }
+    }
+
+    /// Clears the bars.
+    pub fn close(&self) {
+        self.whole.finish_and_clear();
+        drop(self.screen.clear());
+    }
+}
+
+fn bar_style(template: &str) -> ProgressStyle {
+    ProgressStyle::with_template(template)
+        .unwrap_or_else(|error| unreachable!("a template in the source: {error}"))
+        .progress_chars("━╸─")
+}
+
+/// A duration as `h:mm:ss`.
+pub fn clock(seconds: f64) -> String {
+    let seconds = seconds.max(0.0).round() as u64;
+    format!("{}:{:02}:{:02}", seconds / 3600, seconds / 60 % 60, seconds % 60)
+}
+
+/// A whole number with commas: `12,345`.
+pub fn thousands(number: f64) -> String {
+    indicatif::HumanCount(number.max(0.0).round() as u64).to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn durations_and_numbers_read_well() {
+        assert_eq!(clock(3_725.4), "1:02:05");
+        assert_eq!(clock(-1.0), "0:00:00");
+        assert_eq!(thousands(1_234_567.0), "1,234,567");
+    }
+
+    #[test]
+    fn nothing_is_promised_before_anything_is_known() {
+        let mut progress = Progress::new(Style::Quiet, false, 2, 20.0);
+        progress.begin(0, "a", 0, 100, 10.0);
+        assert!(
+            progress.status().contains("0 of 2 runs done, 1 running") && progress.status().contains("not yet known")
+        );
+        progress.iteration(0, 50, None);
+        assert!(progress.status().contains("left") && !progress.status().contains("not yet known"));
+    }
+
+    #[test]
+    fn work_is_counted_once_however_often_a_run_begins() {
+        let mut progress = Progress::new(Style::Quiet, false, 2, 20.0);
+        progress.begin(0, "a", 40, 100, 10.0); // resumed
+        assert!((progress.work_left - 16.0).abs() < 1e-9);
+        progress.iteration(0, 90, None);
+        assert!((progress.work_left - 11.0).abs() < 1e-9 && (progress.work_done - 5.0).abs() < 1e-9);
+        progress.end(0, false, None); // died; its last checkpoint was at 60
+        progress.begin(0, "a", 60, 100, 10.0);
+        assert!((progress.work_left - 14.0).abs() < 1e-9, "{}", progress.work_left);
+        progress.iteration(0, 100, None);
+        progress.end(0, true, None);
+        assert!((progress.work_left - 10.0).abs() < 1e-9);
+    }
+}

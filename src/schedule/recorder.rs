@@ -1,0 +1,163 @@
+//! The sink of a worker: keeps what training tells, writes checkpoints, and passes on how far the run is.
+
+use std::{
+    fs, process,
+    time::{Duration, Instant},
+};
+
+use tracing::{debug, info};
+
+use super::{event::Event, stop::StopRequest, worker::tell};
+use crate::{
+    algo::Agent,
+    plan::RunSpec,
+    record::{Attempt, Checkpoint, Heartbeat, Manifest, Outcome, RecordError, RunPaths, now, policy, rows},
+    train::{EvaluationEpisode, Flow, Iteration, RunSink, SinkError},
+};
+
+/// Heartbeats are no more frequent than this.
+const HEARTBEAT: Duration = Duration::from_secs(1);
+
+/// A run being recorded.
+pub(super) struct Recorder<'a> {
+    spec: &'a RunSpec,
+    paths: RunPaths,
+    stop: StopRequest,
+    manifest: Manifest,
+    /// The rows so far, and what the last checkpoint held beside them.
+    recorded: Checkpoint,
+    from_env_steps: u64,
+    seconds_before: f64,
+    began: Instant,
+    last_checkpoint: Instant,
+    last_heartbeat: Option<Instant>,
+    last_return: Option<f64>,
+}
+
+impl<'a> Recorder<'a> {
+    /// Begins an attempt that goes on from `recorded`.
+    ///
+    /// Errors: the manifest cannot be written.
+    pub fn begin(
+        spec: &'a RunSpec,
+        paths: RunPaths,
+        stop: StopRequest,
+        mut manifest: Manifest,
+        recorded: Checkpoint,
+    ) -> Result<Self, RecordError> {
+        let from_env_steps = recorded.env_steps();
+        manifest.attempts.push(Attempt {
+            began: now(),
+            ended: None,
+            host: manifest.stamp.origin.as_ref().map_or_else(String::new, |origin| origin.host.clone()),
+            process: process::id(),
+            from_env_steps,
+            error: None,
+        });
+        manifest.write(&RunPaths::manifest(&paths.partial))?;
+        info!("{} begins at {from_env_steps} of {} steps", spec.id, spec.budget.env_steps);
+        tell(&Event::Began { from_env_steps });
+        Ok(Self {
+            spec,
+            paths,
+            stop,
+            manifest,
+            seconds_before: recorded.seconds,
+            recorded,
+            from_env_steps,
+            began: Instant::now(),
+            last_checkpoint: Instant::now(),
+            last_heartbeat: None,
+            last_return: None,
+        })
+    }
+
+    /// Writes the tables and the manifest, and puts the run into its place.
+    ///
+    /// Errors: the disk refuses.
+    pub fn finish(mut self) -> Result<Event, RecordError> {
+        let folder = &self.paths.partial;
+        let keys = rows::Keys::from(self.spec);
+        let stamp = &self.manifest.stamp;
+        rows::write_progress(&RunPaths::progress(folder), &keys, stamp, &self.recorded.iterations)?;
+        rows::write_evaluations(&RunPaths::evaluations(folder), &keys, stamp, &self.recorded.evaluations)?;
+        self.manifest.env_steps = self.recorded.env_steps();
+        self.manifest.seconds = self.seconds();
+        self.manifest.outcome = Outcome::Finished;
+        self.manifest.end_attempt(None);
+        info!("finished after {} steps and {:.0} s", self.manifest.env_steps, self.manifest.seconds);
+        self.paths.close(&self.manifest)?;
+        Ok(Event::Finished)
+    }
+
+    /// Ends the attempt; its checkpoint is written.
+    ///
+    /// Errors: the manifest cannot be written.
+    pub fn stop(mut self) -> Result<Event, RecordError> {
+        info!("stopped after {} steps; a checkpoint is kept", self.recorded.env_steps());
+        self.manifest.end_attempt(None);
+        self.manifest.write(&RunPaths::manifest(&self.paths.partial))?;
+        Ok(Event::Stopped)
+    }
+
+    fn seconds(&self) -> f64 {
+        self.seconds_before + self.began.elapsed().as_secs_f64()
+    }
+
+    fn heartbeat(&mut self) -> Result<(), RecordError> {
+        if self.last_heartbeat.is_some_and(|last| last.elapsed() < HEARTBEAT) {
+            return Ok(());
+        }
+        self.last_heartbeat = Some(Instant::now());
+        let env_steps = self.recorded.env_steps();
+        let steps_per_second = (env_steps - self.from_env_steps) as f64 / self.began.elapsed().as_secs_f64();
+        Heartbeat { env_steps, steps_per_second, training_return: self.last_return, written: now() }
+            .write(&RunPaths::heartbeat(&self.paths.partial))
+    }
+
+    fn checkpoint(&mut self, state: &dyn Fn() -> Vec<u8>) -> Result<(), RecordError> {
+        self.recorded.state = state();
+        self.recorded.seconds = self.seconds();
+        self.recorded.write(&RunPaths::checkpoint(&self.paths.partial), &self.manifest.stamp.fingerprint)?;
+        self.last_checkpoint = Instant::now();
+        Ok(())
+    }
+}
+
+impl RunSink for Recorder<'_> {
+    fn iteration(&mut self, row: &Iteration, state: &dyn Fn() -> Vec<u8>) -> Result<Flow, SinkError> {
+        debug!("{row:?}");
+        self.last_return = row.training_return.or(self.last_return);
+        self.recorded.iterations.push(row.clone());
+        self.heartbeat().map_err(sink_error)?;
+        let heard = tell(&Event::Iteration { env_steps: row.env_steps, training_return: row.training_return });
+        let stop = self.stop.is_made() || !heard;
+        if stop || self.last_checkpoint.elapsed().as_secs_f64() >= self.spec.checkpoint.every_seconds.get() {
+            self.checkpoint(state).map_err(sink_error)?;
+        }
+        Ok(if stop { Flow::Stop } else { Flow::Continue })
+    }
+
+    fn evaluation(&mut self, episodes: &[EvaluationEpisode]) -> Result<(), SinkError> {
+        self.recorded.evaluations.extend_from_slice(episodes);
+        let Some(first) = episodes.first() else { return Ok(()) };
+        let dense_return = episodes.iter().map(|row| row.dense_return).sum::<f64>() / episodes.len() as f64;
+        info!("evaluated after {} steps: return {dense_return:.2}", first.env_steps);
+        tell(&Event::Evaluation { env_steps: first.env_steps, dense_return, last: first.last });
+        Ok(())
+    }
+
+    fn policy(&mut self, env_steps: u64, last: bool, agent: &Agent) -> Result<(), SinkError> {
+        let folder = &self.paths.partial;
+        let path = if last { RunPaths::policy(folder) } else { RunPaths::kept_policy(folder, env_steps) };
+        if let Some(folder) = path.parent() {
+            fs::create_dir_all(folder)
+                .map_err(|error| SinkError(format!("cannot create {}: {error}", folder.display())))?;
+        }
+        policy::write(&path, agent, &self.manifest.stamp).map_err(sink_error)
+    }
+}
+
+fn sink_error(error: RecordError) -> SinkError {
+    SinkError(error.to_string())
+}

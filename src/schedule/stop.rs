@@ -1,0 +1,62 @@
+//! Signals: the first one asks for a clean stop, the second one leaves at once.
+
+use std::{
+    io,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
+};
+
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1};
+
+/// The exit code of an interrupted program.
+pub const INTERRUPTED: u8 = 130;
+
+/// Whether somebody asked for a stop.
+#[derive(Debug, Clone, Default)]
+pub struct StopRequest {
+    by_signal: Arc<AtomicBool>,
+    /// Apart, so that a signal which comes after another request is still the first signal.
+    by_program: Arc<AtomicBool>,
+}
+
+impl StopRequest {
+    /// A request that SIGINT (Ctrl-C), SIGTERM, SIGUSR1 (a cluster's warning) and SIGHUP (the terminal is gone) make. A second
+    /// signal ends the process at once with code 130.
+    ///
+    /// Errors: the system refuses the handlers.
+    pub fn on_signals() -> io::Result<Self> {
+        let request = Self::default();
+        for signal in [SIGINT, SIGTERM, SIGUSR1, SIGHUP] {
+            // In this order: the signal that makes the request does not see it made.
+            signal_hook::flag::register_conditional_shutdown(signal, INTERRUPTED.into(), request.by_signal.clone())?;
+            signal_hook::flag::register(signal, request.by_signal.clone())?;
+        }
+        Ok(request)
+    }
+
+    /// Asks for a stop.
+    pub fn make(&self) {
+        self.by_program.store(true, Ordering::SeqCst);
+    }
+
+    /// Whether it was asked for.
+    pub fn is_made(&self) -> bool {
+        self.by_signal.load(Ordering::SeqCst) || self.by_program.load(Ordering::SeqCst)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_request_is_seen_by_every_copy() {
+        let request = StopRequest::default();
+        let copy = request.clone();
+        assert!(!copy.is_made());
+        request.make();
+        assert!(copy.is_made());
+    }
+}

@@ -1,0 +1,153 @@
+//! The worker process: reads a job from stdin, trains and records the run, and tells events on stdout.
+
+use std::{
+    fs::OpenOptions,
+    io::{self, BufRead, Read, Write},
+    mem,
+    path::{Path, PathBuf},
+    process::ExitCode,
+    sync::Mutex,
+    thread,
+    time::Duration,
+};
+
+use tracing::{Level, error};
+
+use super::{
+    event::{Event, Job},
+    recorder::Recorder,
+    stop::{INTERRUPTED, StopRequest},
+};
+use crate::{
+    plan::RunSpec,
+    record::{Checkpoint, Claim, Manifest, Outcome, RecordError, RunPaths, Stamp, now},
+    train::{self, Ending, TrainError},
+};
+
+/// How long a worker tries for a claim: whoever asks for the state of a run holds it for a moment.
+const CLAIM_TRIES: u32 = 20;
+const CLAIM_PAUSE: Duration = Duration::from_millis(50);
+
+/// What can go wrong in a worker.
+#[derive(Debug, thiserror::Error)]
+enum WorkerError {
+    #[error("cannot read the job: {0}")]
+    Job(String),
+    #[error("cannot set up the worker: {0}")]
+    SetUp(#[source] io::Error),
+    #[error(transparent)]
+    Record(#[from] RecordError),
+    #[error(transparent)]
+    Train(#[from] TrainError),
+    #[error("{} was recorded by another specification (fingerprint {found}; this one has {expected})", folder.display())]
+    AnotherRun { folder: PathBuf, found: String, expected: String },
+}
+
+/// Does the job that stdin holds.
+pub fn run() -> ExitCode {
+    let (event, code) = match work() {
+        Ok(Event::Stopped) => (Event::Stopped, ExitCode::from(INTERRUPTED)),
+        Ok(event) => (event, ExitCode::SUCCESS),
+        Err(failure) => {
+            error!("{failure}");
+            (Event::Failed { error: failure.to_string() }, ExitCode::FAILURE)
+        }
+    };
+    tell(&event);
+    code
+}
+
+/// Tells `event`; gives whether anybody listens.
+pub(super) fn tell(event: &Event) -> bool {
+    let Ok(mut line) = serde_json::to_vec(event) else { return false };
+    line.push(b'\n');
+    let mut stdout = io::stdout().lock();
+    stdout.write_all(&line).and_then(|()| stdout.flush()).is_ok()
+}
+
+fn work() -> Result<Event, WorkerError> {
+    let stop = StopRequest::on_signals().map_err(WorkerError::SetUp)?;
+    let job = read_job(&stop)?;
+    let spec: RunSpec =
+        serde_json::from_value(job.stamp.spec.clone()).map_err(|error| WorkerError::Job(error.to_string()))?;
+    let paths = RunPaths::new(&job.results, &spec.experiment, &spec.id)?;
+    let Some(_claim) = claim(&paths)? else { return Ok(Event::Claimed) };
+    if let Some(ended) = paths.ended()? {
+        refuse_another(&paths.complete, &ended, &job.stamp)?;
+        if ended.outcome == Outcome::Finished {
+            return Ok(Event::Finished);
+        }
+    }
+    paths.open()?;
+    start_log(&paths, job.verbose)?;
+    let manifest = match Manifest::read(&RunPaths::manifest(&paths.partial))? {
+        Some(found) => {
+            refuse_another(&paths.partial, &found, &job.stamp)?;
+            Manifest { stamp: job.stamp, outcome: Outcome::Begun, ..found }
+        }
+        None => Manifest::new(job.stamp),
+    };
+    let checkpoint = Checkpoint::read(&RunPaths::checkpoint(&paths.partial), &manifest.stamp.fingerprint)?;
+    let mut recorded = checkpoint.unwrap_or_default();
+    let state = Some(mem::take(&mut recorded.state)).filter(|state| !state.is_empty());
+    let mut recorder = Recorder::begin(&spec, paths, stop, manifest, recorded)?;
+    Ok(match train::run(&spec, state.as_deref(), &mut recorder)? {
+        Ending::Finished => recorder.finish()?,
+        Ending::Stopped => recorder.stop()?,
+    })
+}
+
+/// The job on stdin's first line. When stdin ends after it, a stop is asked for.
+fn read_job(stop: &StopRequest) -> Result<Job, WorkerError> {
+    let mut line = String::new();
+    io::stdin().lock().read_line(&mut line).map_err(|error| WorkerError::Job(error.to_string()))?;
+    let job = serde_json::from_str(&line).map_err(|error| WorkerError::Job(error.to_string()))?;
+    let stop = stop.clone();
+    let watch_parent = move || {
+        // Its end is the message, however it comes.
+        let _ = io::stdin().lock().read_to_end(&mut Vec::new());
+        stop.make();
+    };
+    thread::Builder::new().name("parent".to_owned()).spawn(watch_parent).map_err(WorkerError::SetUp)?;
+    Ok(job)
+}
+
+fn claim(paths: &RunPaths) -> Result<Option<Claim>, RecordError> {
+    for _ in 1..CLAIM_TRIES {
+        if let Some(claim) = Claim::take(paths)? {
+            return Ok(Some(claim));
+        }
+        thread::sleep(CLAIM_PAUSE);
+    }
+    Claim::take(paths)
+}
+
+fn refuse_another(folder: &Path, found: &Manifest, stamp: &Stamp) -> Result<(), WorkerError> {
+    if found.stamp.fingerprint == stamp.fingerprint {
+        return Ok(());
+    }
+    let (found, expected) = (found.stamp.fingerprint.clone(), stamp.fingerprint.clone());
+    Err(WorkerError::AnotherRun { folder: folder.to_owned(), found, expected })
+}
+
+/// Sends everything that is logged to `log.txt`.
+fn start_log(paths: &RunPaths, verbose: bool) -> Result<(), WorkerError> {
+    let log = OpenOptions::new().create(true).append(true).open(RunPaths::log(&paths.partial));
+    let subscriber = tracing_subscriber::fmt()
+        .with_writer(Mutex::new(log.map_err(WorkerError::SetUp)?))
+        .with_ansi(false)
+        .with_target(false)
+        .with_timer(Clock)
+        .with_max_level(if verbose { Level::DEBUG } else { Level::INFO })
+        .finish();
+    tracing::subscriber::set_global_default(subscriber).map_err(|error| WorkerError::SetUp(io::Error::other(error)))
+}
+
+/// The times in a log: those of the manifest.
+struct Clock;
+
+impl tracing_subscriber::fmt::time::FormatTime for Clock {
+    fn format_time(&self, writer: &mut tracing_subscriber::fmt::format::Writer<'_>) -> std::fmt::Result {
+        writer.write_str(&now())
+    }
+}

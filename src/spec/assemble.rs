@@ -1,0 +1,183 @@
+//! From layers to one specification: parse, check each alone, merge, check together.
+
+use std::path::Path;
+
+use serde::de::DeserializeOwned;
+
+use super::{
+    Block, ExperimentSpec, Overrides, SpecErrors,
+    catalog::Catalog,
+    check::{BLOCK_KEYS, check},
+    cross::Draft,
+    error::SpecError,
+    layers,
+    names::nearest_label,
+    source::{self, AxisList, Layer, Source, Step},
+};
+use crate::env::EnvId;
+
+/// Reads, merges and checks everything; `text` stands for the file's, without environment variables.
+pub(super) fn assemble(path: &Path, text: Option<&str>, overrides: &Overrides) -> Result<ExperimentSpec, SpecErrors> {
+    let (mut layers, mut errors) = source::files(path, text);
+    if layers.is_empty() {
+        return Err(SpecErrors::none_or(errors).expect_err("a file that was not read has its error"));
+    }
+    let (stronger, wrong) = source::overriding(overrides, text.is_none());
+    layers.extend(stronger);
+    errors.extend(wrong);
+    let (mut axes, wrong) = source::axis_lists(overrides);
+    errors.extend(wrong);
+
+    let mut sources = Vec::new();
+    let mut tables = Vec::new();
+    let mut slips = false;
+    for layer in &layers {
+        let (source, syntax) = layer.parse();
+        let mut checked = check(&source, &axes);
+        // What follows from a slip of syntax on the same line is not a second mistake.
+        checked.errors.retain(|error| !syntax.iter().any(|slip| slip.line().is_some() && slip.line() == error.line()));
+        slips |= !syntax.is_empty();
+        errors.extend(syntax);
+        errors.extend(checked.errors);
+        anchor(&mut checked.table, layer);
+        tables.push(checked.table);
+        sources.push(source);
+    }
+    // A list with a mistake of its own replaces nothing.
+    axes.retain(|axis| !errors.iter().any(|error| error.place == axis.layer.place(0..0)));
+
+    let merged = layers::merge(tables);
+    let (mut spec, indices) = build(merged, path, &sources, &axes, &mut errors);
+    // After a slip of syntax, what seems to be missing may be there.
+    if !slips {
+        let draft = Draft { spec: &spec, indices: &indices, sources: &sources, axes: &axes, known: &errors };
+        let findings = draft.check();
+        errors.extend(findings.errors);
+        spec.missing = findings.missing;
+    }
+    SpecErrors::none_or(errors)?;
+    Ok(spec)
+}
+
+/// Lets relative paths in `table` start at the folder of their file.
+fn anchor(table: &mut toml::Table, layer: &Layer) {
+    fn join(value: &mut toml::Value, folder: &Path) {
+        match value {
+            toml::Value::String(path) => *path = folder.join(&*path).to_string_lossy().into_owned(),
+            toml::Value::Array(paths) => paths.iter_mut().for_each(|path| join(path, folder)),
+            _ => {}
+        }
+    }
+    const KEY: &str = "demonstrations";
+    if let Some(path) = table.get_mut(KEY) {
+        join(path, layer.folder());
+    }
+    if let Some(toml::Value::Table(environments)) = table.get_mut("environments") {
+        environments.iter_mut().filter_map(|(_, own)| own.get_mut(KEY)).for_each(|path| join(path, layer.folder()));
+    }
+    if let Some(toml::Value::Array(blocks)) = table.get_mut("matrix") {
+        blocks.iter_mut().filter_map(|block| block.get_mut(KEY)).for_each(|path| join(path, layer.folder()));
+    }
+}
+
+/// The specification that `merged` describes, and where in the file's list each of its blocks stands.
+fn build(
+    mut merged: toml::Table,
+    path: &Path,
+    sources: &[Source<'_>],
+    axes: &[AxisList],
+    errors: &mut Vec<SpecError>,
+) -> (ExperimentSpec, Vec<usize>) {
+    let text =
+        |value: Option<toml::Value>| value.and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default();
+    let table = |value: Option<toml::Value>| match value {
+        Some(toml::Value::Table(table)) => table,
+        _ => toml::Table::new(),
+    };
+    let name = text(merged.remove("name"));
+    let description = text(merged.remove("description"));
+    let (indices, matrix) = blocks(merged.remove("matrix"), sources, axes, errors).into_iter().unzip();
+    let algorithms = table(merged.remove("algorithms"));
+    let environments = table(merged.remove("environments"))
+        .into_iter()
+        .filter_map(|(name, own)| Some((name.parse::<EnvId>().ok()?, own.as_table()?.clone())))
+        .collect();
+    let figures = list(merged.remove("figures"));
+    let tables = list(merged.remove("tables"));
+    let folder = path.parent().unwrap_or(Path::new("")).to_owned();
+    // Where nothing else is said, demonstrations lie beside the file.
+    let mut settings = toml::Table::new();
+    let beside = folder.join("demos/{env}.parquet").to_string_lossy().into_owned();
+    settings.insert("demonstrations".into(), toml::Value::String(beside));
+    settings.extend(merged.into_iter().filter(|(key, _)| Catalog::get().settings.schema(&[key.as_str()]).is_some()));
+    let spec = ExperimentSpec {
+        name,
+        description,
+        settings,
+        algorithms,
+        environments,
+        matrix,
+        figures,
+        tables,
+        folder,
+        missing: Vec::new(),
+    };
+    (spec, indices)
+}
+
+/// The elements that are what they should be; the others have their messages.
+fn list<T: DeserializeOwned>(value: Option<toml::Value>) -> Vec<T> {
+    let elements = value.and_then(|value| value.as_array().cloned()).unwrap_or_default();
+    elements.into_iter().filter_map(|element| element.try_into().ok()).collect()
+}
+
+/// The blocks with their indices, their axes in the order of the file.
+fn blocks(
+    value: Option<toml::Value>,
+    sources: &[Source<'_>],
+    axes: &[AxisList],
+    errors: &mut Vec<SpecError>,
+) -> Vec<(usize, Block)> {
+    let tables = value.and_then(|value| value.as_array().cloned()).unwrap_or_default();
+    let mut had: Vec<String> = Vec::new();
+    let mut blocks = Vec::new();
+    for (index, table) in tables.into_iter().enumerate() {
+        let toml::Value::Table(table) = table else { continue };
+        let start = |key: &str| {
+            let way = [Step::Key("matrix".into()), Step::Index(index), Step::Key(key.into())];
+            sources.iter().rev().find_map(|source| source.span(&way)).map_or(0, |span| span.start)
+        };
+        let mut lists: Vec<_> = table
+            .into_iter()
+            .filter_map(|(key, values)| Some((start(&key), key, values.as_array()?.clone())))
+            .collect();
+        lists.sort_by_key(|(start, ..)| *start);
+        let mut block = Block::default();
+        for (_, key, mut values) in lists {
+            if let Some(axis) = axes.iter().find(|axis| axis.key == key) {
+                values = axis.values();
+            }
+            match key.as_str() {
+                "seed" => {
+                    block.seed = values.iter().filter_map(|seed| u64::try_from(seed.as_integer()?).ok()).collect()
+                }
+                "env" => block.env = values.iter().filter_map(|name| name.as_str()?.parse().ok()).collect(),
+                "algorithm" => {
+                    block.algorithm = values.iter().filter_map(|name| name.as_str().map(str::to_owned)).collect();
+                }
+                _ => block.axes.push((key.clone(), values)),
+            }
+            had.push(key);
+        }
+        blocks.push((index, block));
+    }
+    for axis in axes.iter().filter(|axis| !had.contains(&axis.key)) {
+        errors.push(SpecError {
+            message: format!("no block of the matrix has the axis `{}`", axis.key),
+            place: axis.layer.place(0..0),
+            label: nearest_label("axis", &axis.key, BLOCK_KEYS.into_iter().chain(had.iter().map(String::as_str))),
+            help: None,
+        });
+    }
+    blocks
+}

@@ -1,0 +1,190 @@
+//! Every key that a matrix can set, and the check of one value at a time.
+//!
+//! A key is checked by putting its value, alone, into a valid specimen of its type and reading that. So each wrong value
+//! of a file is found, not the first alone, and the types themselves are the only judge of what is allowed.
+
+use std::{borrow::Cow, ops::Range, sync::LazyLock};
+
+use schemars::{JsonSchema, generate::SchemaSettings};
+use serde::{Serialize, de::DeserializeOwned};
+use serde_json::Value as Json;
+use toml::{
+    Spanned,
+    de::{DeTable, DeValue, Deserializer},
+};
+
+use super::{Algorithm, Figure, Settings, Table, names::plain};
+use crate::{env::EnvId, quantity::constant};
+
+/// A table of the file whose keys are the fields of one type.
+pub(super) struct Section {
+    /// The JSON Schema of the type, with nothing left to references.
+    schema: Json,
+    /// A valid value of the type as TOML text, inside `tag` where there is one.
+    specimen: String,
+    /// The variant that holds the table, for algorithms.
+    tag: Option<&'static str>,
+    read: fn(Spanned<DeTable<'_>>) -> Result<(), toml::de::Error>,
+}
+
+/// Why a value was refused.
+#[derive(Debug, PartialEq)]
+pub(super) struct Refusal {
+    pub(super) message: String,
+    pub(super) label: Option<String>,
+    /// The bytes of the value, or of the part of it that is wrong.
+    pub(super) span: Range<usize>,
+}
+
+impl Section {
+    /// The section of the type `T`.
+    pub(super) fn of<T: Serialize + DeserializeOwned + JsonSchema>(specimen: &T) -> Self {
+        Self { schema: schema::<T>(), specimen: text(specimen), tag: None, read: read::<T> }
+    }
+
+    /// The section of an algorithm's hyperparameters.
+    fn algorithm(specimen: &Algorithm) -> Self {
+        let name = specimen.name();
+        let schema = schema::<Algorithm>()["oneOf"]
+            .as_array()
+            .and_then(|variants| variants.iter().find_map(|variant| variant["properties"].get(name)))
+            .cloned()
+            .expect("the schema of an externally tagged enum has every variant");
+        Self { schema, specimen: text(specimen), tag: Some(name), read: read::<Algorithm> }
+    }
+
+    /// The JSON Schema of the key at `path`; `None` when there is no such key.
+    pub(super) fn schema(&self, path: &[&str]) -> Option<&Json> {
+        path.iter().try_fold(&self.schema, |schema, key| schema.get("properties")?.get(key))
+    }
+
+    /// The keys of the table at `path`; `None` when a value belongs there.
+    pub(super) fn keys(&self, path: &[&str]) -> Option<impl Iterator<Item = &str>> {
+        Some(self.schema(path)?.get("properties")?.as_object()?.keys().map(String::as_str))
+    }
+
+    /// The keys without which a table of this type is incomplete.
+    pub(super) fn required(&self) -> impl Iterator<Item = &str> {
+        self.schema["required"].as_array().into_iter().flatten().filter_map(Json::as_str)
+    }
+
+    /// The dotted keys of all values.
+    pub(super) fn leaves(&self) -> Vec<String> {
+        let mut leaves = Vec::new();
+        collect_leaves(&self.schema, "", &mut leaves);
+        leaves
+    }
+
+    /// Whether `value` may stand at `path`.
+    pub(super) fn check<'a>(&'a self, path: &[&str], value: &Spanned<DeValue<'a>>) -> Result<(), Refusal> {
+        let mut candidate = DeTable::parse(&self.specimen).expect("what was written as TOML is TOML");
+        let path: Vec<&str> = self.tag.iter().copied().chain(path.iter().copied()).collect();
+        put(candidate.get_mut(), &path, value.clone());
+        (self.read)(candidate).map_err(|error| {
+            let whole = value.span();
+            let part = error.span().filter(|part| whole.start <= part.start && part.end <= whole.end);
+            let (message, label) = plain(error.message());
+            Refusal { message, label, span: part.unwrap_or(whole) }
+        })
+    }
+
+    /// `over` put over `under`, key by key; a choice such as a reward is replaced whole.
+    pub(super) fn merge(&self, under: &mut toml::Table, over: &toml::Table) {
+        self.merge_at(&mut Vec::new(), under, over);
+    }
+
+    fn merge_at<'a>(&self, path: &mut Vec<&'a str>, under: &mut toml::Table, over: &'a toml::Table) {
+        for (key, value) in over {
+            path.push(key);
+            match (under.get_mut(key), value) {
+                (Some(toml::Value::Table(below)), toml::Value::Table(above)) if self.keys(path).is_some() => {
+                    self.merge_at(path, below, above);
+                }
+                _ => {
+                    under.insert(key.clone(), value.clone());
+                }
+            }
+            path.pop();
+        }
+    }
+}
+
+/// The sections of a file.
+pub(super) struct Catalog {
+    pub(super) settings: Section,
+    pub(super) figure: Section,
+    pub(super) table: Section,
+    algorithms: Vec<(&'static str, Section)>,
+}
+
+impl Catalog {
+    /// The one catalog.
+    pub(super) fn get() -> &'static Self {
+        static CATALOG: LazyLock<Catalog> = LazyLock::new(|| Catalog {
+            settings: Section::of(&Settings::for_env(EnvId::HalfCheetah, constant(1))),
+            figure: Section::of(&Figure::specimen()),
+            table: Section::of(&Table::specimen()),
+            algorithms: Algorithm::names()
+                .filter_map(|name| Some((name, Section::algorithm(&Algorithm::defaults(name, EnvId::HalfCheetah)?))))
+                .collect(),
+        });
+        &CATALOG
+    }
+
+    /// The hyperparameters of an algorithm; `None` when there is none of that name.
+    pub(super) fn algorithm(&self, name: &str) -> Option<&Section> {
+        self.algorithms.iter().find(|(known, _)| *known == name).map(|(_, section)| section)
+    }
+
+    /// All algorithms.
+    pub(super) fn algorithms(&self) -> impl Iterator<Item = &(&'static str, Section)> {
+        self.algorithms.iter()
+    }
+}
+
+/// The JSON Schema of `T` with every type written out where it is used.
+fn schema<T: JsonSchema>() -> Json {
+    SchemaSettings::draft2020_12()
+        .with(|settings| {
+            settings.inline_subschemas = true;
+            settings.meta_schema = None;
+        })
+        .into_generator()
+        .into_root_schema_for::<T>()
+        .to_value()
+}
+
+/// `value` as TOML text.
+fn text<T: Serialize>(value: &T) -> String {
+    toml::to_string(value).expect("our own types are TOML")
+}
+
+fn read<T: DeserializeOwned>(table: Spanned<DeTable<'_>>) -> Result<(), toml::de::Error> {
+    T::deserialize(Deserializer::from(table)).map(drop)
+}
+
+/// Puts `value` at `path`, making tables on the way.
+fn put<'a>(table: &mut DeTable<'a>, path: &[&str], value: Spanned<DeValue<'a>>) {
+    let Some((key, rest)) = path.split_first() else { return };
+    if rest.is_empty() {
+        match table.get_mut(*key) {
+            Some(old) => *old = value,
+            None => {
+                table.insert(Spanned::new(0..0, Cow::Owned((*key).to_owned())), value);
+            }
+        }
+    } else if let Some(DeValue::Table(inner)) = table.get_mut(*key).map(Spanned::get_mut) {
+        put(inner, rest, value);
+    }
+}
+
+fn collect_leaves(schema: &Json, prefix: &str, leaves: &mut Vec<String>) {
+    for (key, inner) in schema["properties"].as_object().into_iter().flatten() {
+        let path = if prefix.is_empty() { key.clone() } else { format!("{prefix}.{key}") };
+        if inner.get("properties").is_some() {
+            collect_leaves(inner, &path, leaves);
+        } else {
+            leaves.push(path);
+        }
+    }
+}

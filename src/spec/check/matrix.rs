@@ -1,0 +1,193 @@
+//! The check of a block of the matrix.
+
+use std::ops::Range;
+
+use toml::de::{DeArray, DeTable};
+
+use super::{BLOCK_KEYS, Checker, Value};
+use crate::spec::{
+    Algorithm, Parameter,
+    catalog::{Catalog, Section},
+    names::{list, nearest_label},
+    source::{Step, plain_value},
+};
+
+impl Checker<'_> {
+    /// One `[[matrix]]` block, whose header is at `span`.
+    pub(super) fn block(&mut self, block: &DeTable<'_>, span: Range<usize>) {
+        for key in BLOCK_KEYS.into_iter().filter(|key| !block.contains_key(*key)) {
+            self.note(span.clone(), format!("this block has no `{key}`"), Some(format!("write `{key} = [...]`")));
+        }
+        let algorithms = self.algorithms_of(block);
+        let mut seen: Vec<(&str, Parameter)> = Vec::new();
+        for (name, value) in block {
+            let (span, key) = (name.span(), name.get_ref().as_ref());
+            self.key(key, |this| {
+                match this.axes.iter().find(|axis| axis.key == key) {
+                    // The argument takes the place of the file's list, and the blame.
+                    Some(axis) => {
+                        let (source, _) = axis.layer.parse();
+                        let file = std::mem::replace(&mut this.layer, &axis.layer);
+                        if let Some(value) = source.tree.get_ref().get(key) {
+                            this.axis(key, span.clone(), value, &algorithms);
+                        }
+                        this.layer = file;
+                    }
+                    None => this.axis(key, span.clone(), value, &algorithms),
+                }
+                let Some(parameter) = Parameter::find(key) else { return };
+                let same = |(_, other): &&(&str, Parameter)| algorithms.iter().any(|name| parameter.is(other, name));
+                if let Some((other, _)) = seen.iter().find(same) {
+                    this.wrong(span, format!("the axes `{other}` and `{key}` are the same"), None);
+                }
+                seen.push((key, parameter));
+            });
+        }
+    }
+
+    /// The known algorithms of a block, for the check of its axes.
+    fn algorithms_of(&self, block: &DeTable<'_>) -> Vec<&'static str> {
+        let replaced = self.axes.iter().find(|axis| axis.key == "algorithm").map(|axis| axis.layer.parse().0);
+        let value = match &replaced {
+            Some(source) => source.tree.get_ref().get("algorithm"),
+            None => block.get("algorithm"),
+        };
+        let names: Vec<&str> = value
+            .and_then(|value| value.get_ref().as_array())
+            .into_iter()
+            .flatten()
+            .filter_map(|name| name.get_ref().as_str())
+            .collect();
+        Algorithm::names().filter(|name| names.contains(name)).collect()
+    }
+
+    /// One list of a block.
+    fn axis(&mut self, key: &str, span: Range<usize>, value: &Value<'_>, algorithms: &[&str]) {
+        let parameter = Parameter::find(key);
+        if !BLOCK_KEYS.contains(&key) {
+            let names = Parameter::names();
+            let had = |name: &&str| {
+                Parameter::find(name)
+                    .is_some_and(|known| algorithms.iter().any(|algorithm| known.applies_to(algorithm)))
+            };
+            match &parameter {
+                None => {
+                    let known = BLOCK_KEYS.into_iter().chain(names.iter().map(String::as_str));
+                    let label = match value.get_ref().as_table().and_then(|table| table.keys().next()) {
+                        Some(inner) => {
+                            Some(format!("write `\"{key}.{}\" = [...]`, with quotation marks", inner.get_ref()))
+                        }
+                        None => nearest_label("axis", key, known),
+                    };
+                    return self.wrong(span, format!("unknown axis `{key}`"), label);
+                }
+                Some(parameter)
+                    if !algorithms.is_empty() && !algorithms.iter().any(|name| parameter.applies_to(name)) =>
+                {
+                    let label =
+                        nearest_label("axis of these algorithms", key, names.iter().map(String::as_str).filter(had));
+                    let message =
+                        format!("no algorithm of this block has `{key}`: it runs {}", list(algorithms.iter().copied()));
+                    return self.wrong(span, message, label);
+                }
+                Some(_) => {}
+            }
+        }
+        let Some(elements) = value.get_ref().as_array() else {
+            return self.wrong_type(value, &format!("the axis `{key}`"), "a list, such as `[...]` with one value");
+        };
+        if elements.is_empty() {
+            return self.wrong(value.span(), format!("the list of `{key}` is empty, so there is nothing to run"), None);
+        }
+        self.elements(key, elements, |this, element| match (key, &parameter) {
+            ("seed", _) => this.seed(element),
+            ("env", _) => match element.get_ref().as_str() {
+                Some(name) => this.environment(name, element.span()).map(|env| env.to_string()),
+                None => {
+                    this.wrong_type(element, "an environment", "its name, a string");
+                    None
+                }
+            },
+            ("algorithm", _) => match element.get_ref().as_str() {
+                Some(name) if Catalog::get().algorithm(name).is_some() => Some(name.into()),
+                Some(name) => {
+                    this.unknown_algorithm(name, element.span());
+                    None
+                }
+                None => {
+                    this.wrong_type(element, "an algorithm", "its name, a string");
+                    None
+                }
+            },
+            (_, Some(parameter)) => this.parameter(key, parameter, algorithms, element),
+            (_, None) => None,
+        });
+    }
+
+    /// Checks each of `elements` with `check`, which gives what it means, and that none means the same as another.
+    fn elements(
+        &mut self,
+        key: &str,
+        elements: &DeArray<'_>,
+        mut check: impl FnMut(&mut Self, &Value<'_>) -> Option<String>,
+    ) {
+        let mut seen: Vec<String> = Vec::new();
+        for (index, element) in elements.iter().enumerate() {
+            self.within(Step::Index(index), |this| {
+                let Some(meaning) = check(this, element) else { return };
+                if seen.contains(&meaning) {
+                    this.wrong(element.span(), format!("`{key}` lists {meaning} twice"), None);
+                }
+                seen.push(meaning);
+            });
+        }
+    }
+
+    fn seed(&mut self, element: &Value<'_>) -> Option<String> {
+        match plain_value(element) {
+            Some(toml::Value::Integer(seed)) if seed >= 0 => Some(seed.to_string()),
+            Some(toml::Value::Integer(seed)) => {
+                self.wrong(
+                    element.span(),
+                    format!("the seed {seed} is out of range"),
+                    Some("expected a whole number, 0 or above".into()),
+                );
+                None
+            }
+            _ => {
+                self.wrong_type(element, "a seed", "a whole number, 0 or above");
+                None
+            }
+        }
+    }
+
+    /// One value of an axis, for every algorithm of the block that has it.
+    fn parameter(
+        &mut self,
+        name: &str,
+        parameter: &Parameter,
+        algorithms: &[&str],
+        element: &Value<'_>,
+    ) -> Option<String> {
+        let catalog = Catalog::get();
+        let places: Vec<(&Section, &str)> = match parameter {
+            Parameter::Setting(key) => vec![(&catalog.settings, key.as_str())],
+            _ => algorithms
+                .iter()
+                .filter_map(|algorithm| Some((catalog.algorithm(algorithm)?, parameter.hyperparameter_of(algorithm)?)))
+                .collect(),
+        };
+        for (section, key) in places {
+            let path: Vec<&str> = key.split('.').collect();
+            if let Err(refusal) = section.check(&path, element) {
+                self.wrong(refusal.span, format!("`{name}`: {}", refusal.message), refusal.label);
+                return None;
+            }
+        }
+        // 1 and 1.0 are one value where a number is expected.
+        plain_value(element).map(|value| match value.as_float() {
+            Some(float) => float.to_string(),
+            None => value.to_string(),
+        })
+    }
+}

@@ -1,0 +1,311 @@
+//! The check of one layer, key by key: what each value is alone. How they go together is `cross`'s.
+
+mod matrix;
+mod shown;
+
+use std::{borrow::Cow, ops::Range};
+
+use toml::{
+    Spanned,
+    de::{DeTable, DeValue},
+};
+
+use super::{
+    Algorithm, Parameter,
+    catalog::{Catalog, Section},
+    error::SpecError,
+    names::nearest_label,
+    source::{AxisList, Layer, Source, Step, plain_value},
+};
+use crate::env::{EnvError, EnvId};
+
+/// Keys of the file that are neither settings nor hyperparameters.
+pub(super) const ROOT_KEYS: [&str; 8] =
+    ["name", "description", "extends", "matrix", "algorithms", "environments", "figures", "tables"];
+/// The lists that every block has.
+pub(super) const BLOCK_KEYS: [&str; 3] = ["seed", "env", "algorithm"];
+
+type Value<'a> = Spanned<DeValue<'a>>;
+
+/// What a layer says, without what is wrong in it, and what is wrong.
+pub(super) struct Checked {
+    pub(super) table: toml::Table,
+    pub(super) errors: Vec<SpecError>,
+}
+
+/// Checks every value of `source` by itself. `axes` replace lists of its blocks, and are checked in their place.
+pub(super) fn check(source: &Source<'_>, axes: &[AxisList]) -> Checked {
+    let mut checker = Checker { layer: source.layer, axes, errors: Vec::new(), bad: Vec::new(), way: Vec::new() };
+    checker.root(source.tree.get_ref());
+    let Checker { errors, mut bad, .. } = checker;
+    let mut table = plain_value(&Spanned::new(source.tree.span(), DeValue::Table(source.tree.get_ref().clone())));
+    // Later elements first, so that the earlier ones keep their index.
+    bad.sort_by(|a, b| b.cmp(a));
+    bad.dedup();
+    if let Some(table) = &mut table {
+        bad.iter().for_each(|way| remove(table, way));
+    }
+    let table = match table {
+        Some(toml::Value::Table(table)) => table,
+        _ => toml::Table::new(),
+    };
+    Checked { table, errors }
+}
+
+/// Removes what is at the end of `way`.
+fn remove(value: &mut toml::Value, way: &[Step]) {
+    match (value, way) {
+        (toml::Value::Table(table), [Step::Key(key)]) => {
+            table.remove(key);
+        }
+        (toml::Value::Array(array), [Step::Index(index)]) if *index < array.len() => {
+            array.remove(*index);
+        }
+        (toml::Value::Table(table), [Step::Key(key), rest @ ..]) => {
+            if let Some(inner) = table.get_mut(key) {
+                remove(inner, rest);
+            }
+        }
+        (toml::Value::Array(array), [Step::Index(index), rest @ ..]) => {
+            if let Some(inner) = array.get_mut(*index) {
+                remove(inner, rest);
+            }
+        }
+        _ => {}
+    }
+}
+
+struct Checker<'a> {
+    layer: &'a Layer,
+    axes: &'a [AxisList],
+    errors: Vec<SpecError>,
+    /// The ways to what is wrong.
+    bad: Vec<Vec<Step>>,
+    /// The way to what is being checked.
+    way: Vec<Step>,
+}
+
+impl<'a> Checker<'a> {
+    /// What is being checked is wrong.
+    fn wrong(&mut self, span: Range<usize>, message: impl Into<String>, label: Option<String>) {
+        self.bad.push(self.way.clone());
+        self.note(span, message, label);
+    }
+
+    /// Something is wrong, though what is being checked can stay.
+    fn note(&mut self, span: Range<usize>, message: impl Into<String>, label: Option<String>) {
+        let place = self.layer.place(span);
+        self.errors.push(SpecError { message: message.into(), place, label, help: None });
+    }
+
+    fn wrong_type(&mut self, value: &Value<'_>, what: &str, expected: &str) {
+        let message = format!("{what} cannot be {}", article(value.get_ref().type_str()));
+        self.wrong(value.span(), message, Some(format!("expected {expected}")));
+    }
+
+    fn within(&mut self, step: Step, check: impl FnOnce(&mut Self)) {
+        self.way.push(step);
+        check(self);
+        self.way.pop();
+    }
+
+    fn key(&mut self, key: &str, check: impl FnOnce(&mut Self)) {
+        self.within(Step::Key(key.into()), check);
+    }
+
+    fn root(&mut self, table: &DeTable<'_>) {
+        let settings = &Catalog::get().settings;
+        for (key, value) in table {
+            let (span, key) = (key.span(), key.get_ref().as_ref());
+            self.key(key, |this| match key {
+                "name" => this.name(value),
+                "description" if !value.get_ref().is_str() => this.wrong_type(value, "`description`", "a string"),
+                "description" => {}
+                "extends" if this.layer.path.is_none() => {
+                    this.wrong(span, "`extends` can only be written in a file", None);
+                }
+                "extends" if !value.get_ref().is_str() => this.wrong_type(value, "`extends`", "the name of a file"),
+                "extends" => {}
+                "matrix" => this.tables(value, "matrix", |this, block, span| this.block(block, span)),
+                "algorithms" => this.table(value, "`algorithms`", Self::algorithms),
+                "environments" => this.table(value, "`environments`", Self::environments),
+                "figures" => this.figures_or_tables(value, "figures", "figure", &Catalog::get().figure),
+                "tables" => this.figures_or_tables(value, "tables", "table", &Catalog::get().table),
+                _ if settings.schema(&[key]).is_some() => this.section(settings, &[key], value),
+                _ => {
+                    let known = ROOT_KEYS.into_iter().chain(settings.keys(&[]).into_iter().flatten());
+                    let label = match Parameter::find(key) {
+                        Some(Parameter::Shared(_)) => Some(
+                            "a hyperparameter: it belongs under `[algorithms.NAME]` or in a block of the matrix".into(),
+                        ),
+                        _ if Catalog::get().algorithm(key).is_some() => Some(format!("write `algorithms.{key}`")),
+                        _ => nearest_label("key", key, known),
+                    };
+                    this.wrong(span, format!("unknown key `{key}`"), label);
+                }
+            });
+        }
+    }
+
+    /// A name that becomes a file's or a folder's.
+    fn name(&mut self, value: &Value<'_>) {
+        match value.get_ref().as_str() {
+            None => self.wrong_type(value, "a name", "a string"),
+            Some(name) if is_file_name(name) => {}
+            Some(name) => self.wrong(
+                value.span(),
+                format!("`{}` cannot name a file", name.escape_debug()),
+                Some("expected letters, digits, `.`, `_` and `-`, the first no `.`, at most 100".into()),
+            ),
+        }
+    }
+
+    fn table(&mut self, value: &Value<'_>, what: &str, check: impl FnOnce(&mut Self, &DeTable<'_>)) {
+        match value.get_ref().as_table() {
+            Some(table) => check(self, table),
+            None => self.wrong_type(value, what, "a table"),
+        }
+    }
+
+    /// A list of tables, `[[key]]`.
+    fn tables(&mut self, value: &Value<'_>, key: &str, check: impl Fn(&mut Self, &DeTable<'_>, Range<usize>)) {
+        let Some(elements) = value.get_ref().as_array() else {
+            return self.wrong_type(value, &format!("`{key}`"), &format!("blocks, each headed `[[{key}]]`"));
+        };
+        for (index, element) in elements.iter().enumerate() {
+            self.within(Step::Index(index), |this| match element.get_ref().as_table() {
+                Some(table) => check(this, table, element.span()),
+                None => this.note(element.span(), format!("an element of `{key}` must be a table"), None),
+            });
+        }
+    }
+
+    /// The value at `path` of `section`, or every value of the table there.
+    fn section(&mut self, section: &Section, path: &[&str], value: &Value<'_>) {
+        let title = path.join(".");
+        match section.keys(path) {
+            None => {
+                if let Err(refusal) = section.check(path, value) {
+                    self.wrong(refusal.span, format!("`{title}`: {}", refusal.message), refusal.label);
+                }
+            }
+            Some(known) => {
+                let known: Vec<&str> = known.collect();
+                self.table(value, &format!("`{title}`"), |this, table| {
+                    for (key, value) in table {
+                        this.key(key.get_ref(), |this| {
+                            if known.contains(&key.get_ref().as_ref()) {
+                                let path: Vec<&str> = path.iter().copied().chain([key.get_ref().as_ref()]).collect();
+                                this.section(section, &path, value);
+                            } else {
+                                this.unknown_key(key, &format!(" in `{title}`"), known.iter().copied());
+                            }
+                        });
+                    }
+                });
+            }
+        }
+    }
+
+    fn unknown_key<'k>(
+        &mut self,
+        key: &Spanned<Cow<'_, str>>,
+        whose: &str,
+        known: impl Iterator<Item = &'k str> + Clone,
+    ) {
+        let label = nearest_label("key", key.get_ref(), known);
+        self.wrong(key.span(), format!("unknown key `{}`{whose}", key.get_ref()), label);
+    }
+
+    /// `[algorithms]`, of the file or of an environment.
+    fn algorithms(&mut self, table: &DeTable<'_>) {
+        for (name, value) in table {
+            self.key(name.get_ref(), |this| match Catalog::get().algorithm(name.get_ref()) {
+                Some(section) => {
+                    this.table(value, &format!("`algorithms.{}`", name.get_ref()), |this, table| {
+                        for (key, value) in table {
+                            this.key(key.get_ref(), |this| {
+                                if section.schema(&[key.get_ref()]).is_some() {
+                                    this.section(section, &[key.get_ref()], value);
+                                } else {
+                                    let whose = format!(" of `{}`", name.get_ref());
+                                    this.unknown_key(
+                                        key,
+                                        &whose,
+                                        section.keys(&[]).into_iter().flatten().collect::<Vec<_>>().into_iter(),
+                                    );
+                                }
+                            });
+                        }
+                    });
+                }
+                None => this.unknown_algorithm(name.get_ref(), name.span()),
+            });
+        }
+    }
+
+    fn unknown_algorithm(&mut self, name: &str, span: Range<usize>) {
+        let label = nearest_label("algorithm", name, Algorithm::names());
+        self.wrong(span, format!("unknown algorithm `{name}`"), label);
+    }
+
+    /// The environment called `name`, or the error that there is none.
+    fn environment(&mut self, name: &str, span: Range<usize>) -> Option<EnvId> {
+        match name.parse() {
+            Ok(env) => Some(env),
+            Err(EnvError::UnknownEnvironment { name, nearest }) => {
+                let label = Some(format!("the nearest known environment is `{nearest}`"));
+                self.wrong(span, format!("unknown environment `{name}`"), label);
+                None
+            }
+            Err(other) => {
+                self.wrong(span, other.to_string(), None);
+                None
+            }
+        }
+    }
+
+    fn environments(&mut self, table: &DeTable<'_>) {
+        let settings = &Catalog::get().settings;
+        let mut seen = Vec::new();
+        for (name, value) in table {
+            self.key(name.get_ref(), |this| {
+                let Some(env) = this.environment(name.get_ref(), name.span()) else { return };
+                if seen.contains(&env) {
+                    this.wrong(name.span(), format!("{env} has two tables, under two of its names"), None);
+                }
+                seen.push(env);
+                this.table(value, &format!("`environments.\"{env}\"`"), |this, table| {
+                    for (key, value) in table {
+                        let text = key.get_ref().as_ref();
+                        this.key(text, |this| match text {
+                            "algorithms" => this.table(value, "`algorithms`", Self::algorithms),
+                            _ if settings.schema(&[text]).is_some() => this.section(settings, &[text], value),
+                            _ => {
+                                let known: Vec<&str> =
+                                    settings.keys(&[]).into_iter().flatten().chain(["algorithms"]).collect();
+                                this.unknown_key(key, &format!(" of {env}"), known.into_iter());
+                            }
+                        });
+                    }
+                });
+            });
+        }
+    }
+}
+
+/// Whether `name` can be the name of a file or folder anywhere.
+pub(super) fn is_file_name(name: &str) -> bool {
+    let safe = |c: char| c.is_ascii_alphanumeric() || "._-".contains(c);
+    (1..=100).contains(&name.len()) && !name.starts_with('.') && name.chars().all(safe)
+}
+
+fn article(kind: &str) -> String {
+    match kind {
+        "array" => "a list".into(),
+        "boolean" => "true or false".into(),
+        "integer" => "a whole number".into(),
+        "float" => "a number with a point".into(),
+        other => format!("a {other}"),
+    }
+}

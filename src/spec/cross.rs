@@ -1,0 +1,243 @@
+//! The check of how values go together, in every combination that a matrix makes.
+
+use std::mem;
+
+use super::{
+    Algorithm, Block, ExperimentSpec, Parameter, ResolveError, Settings,
+    error::{Place, SpecError},
+    source::{AxisList, Source, Step, steps},
+};
+use crate::env::{EnvId, Reward};
+
+/// No campaign has more runs; a longer list is a slip of the pen.
+const MOST_RUNS: usize = 100_000;
+
+/// A specification, with what it was read from.
+pub(super) struct Draft<'a> {
+    pub(super) spec: &'a ExperimentSpec,
+    /// Where each block stands in the file's list.
+    pub(super) indices: &'a [usize],
+    /// The layers, weakest first.
+    pub(super) sources: &'a [Source<'a>],
+    /// The lists that replace axes.
+    pub(super) axes: &'a [AxisList],
+    /// What is wrong with single values, which are left out of `spec`.
+    pub(super) known: &'a [SpecError],
+}
+
+/// What does not go together.
+struct Conflict {
+    message: String,
+    label: Option<String>,
+    help: Option<String>,
+    /// The parameters at fault; the first that is written anywhere is pointed at.
+    parameters: Vec<Parameter>,
+}
+
+/// What cross-checks find.
+#[derive(Default)]
+pub(super) struct Findings {
+    pub(super) errors: Vec<SpecError>,
+    /// Demonstrations that are not there: runs cannot start, though a report can still be drawn.
+    pub(super) missing: Vec<SpecError>,
+}
+
+impl Draft<'_> {
+    /// Everything that does not go together; of several combinations with one fault at one place, the first.
+    pub(super) fn check(&self) -> Findings {
+        let mut findings = Findings { errors: self.missing_keys().collect(), missing: Vec::new() };
+        let runs = self.spec.matrix.iter().map(Block::size).fold(0, usize::saturating_add);
+        if runs > MOST_RUNS {
+            let message = format!("the matrix has {runs} runs; {MOST_RUNS} are the most");
+            findings.errors.push(self.at_matrix(message));
+            return findings;
+        }
+        findings.errors.extend(self.hidden_arguments());
+        for (block, index) in self.spec.matrix.iter().zip(self.indices) {
+            for (env, algorithm, axes) in block.combinations() {
+                match self.spec.resolve(env, algorithm, &axes) {
+                    Ok((settings, algorithm)) => {
+                        for conflict in conflicts(env, &settings, &algorithm) {
+                            add(&mut findings.errors, self.locate(conflict, *index, block, env, algorithm.name()));
+                        }
+                        if let Some(conflict) = missing_demonstration(env, &settings, &algorithm) {
+                            add(&mut findings.missing, self.locate(conflict, *index, block, env, algorithm.name()));
+                        }
+                    }
+                    Err(error @ ResolveError::NoBudget { .. }) => {
+                        // A budget that is written but wrong, or under another name, has its own message.
+                        let speaks = |text: &String| text.contains("budget") || text.contains("env_steps");
+                        if !self
+                            .known
+                            .iter()
+                            .any(|known| speaks(&known.message) || known.label.as_ref().is_some_and(speaks))
+                        {
+                            let mut error = self.at_start(error.to_string());
+                            error.label = Some("write `[budget]` and under it `env_steps = ...`".into());
+                            add(&mut findings.errors, error);
+                        }
+                    }
+                    // Values that are wrong by themselves have their own messages; they were left out of the draft.
+                    Err(error) => add(&mut findings.errors, self.at_matrix(error.to_string())),
+                }
+            }
+        }
+        findings
+    }
+
+    /// Keys that every experiment has, and no layer.
+    fn missing_keys(&self) -> impl Iterator<Item = SpecError> {
+        let keys = [("name", "write `name = \"...\"`"), ("matrix", "write a `[[matrix]]` block")];
+        let missing = |key: &str| !self.sources.iter().any(|source| source.tree.get_ref().contains_key(key));
+        keys.into_iter()
+            .filter(move |(key, _)| missing(key))
+            .map(|(key, how)| SpecError { label: Some(how.into()), ..self.at_start(format!("`{key}` is missing")) })
+    }
+
+    /// Arguments and variables that set what every block varies: the axis would win in silence.
+    fn hidden_arguments(&self) -> Vec<SpecError> {
+        let Some((first, others)) = self.spec.matrix.split_first() else { return Vec::new() };
+        let has = |block: &Block, axis: &str| block.axes.iter().any(|(key, _)| key == axis);
+        let mut errors = Vec::new();
+        for (axis, _) in first.axes.iter().filter(|(axis, _)| others.iter().all(|block| has(block, axis))) {
+            let Some(parameter) = Parameter::find(axis) else { continue };
+            let ways: Vec<Vec<Step>> = match &parameter {
+                Parameter::Setting(key) => vec![steps(key)],
+                _ => Algorithm::names()
+                    .filter_map(|name| {
+                        Some(steps(&format!("algorithms.{name}.{}", parameter.hyperparameter_of(name)?)))
+                    })
+                    .collect(),
+            };
+            let arguments = self.sources.iter().filter(|source| source.layer.path.is_none());
+            for source in arguments.filter(|source| ways.iter().any(|way| source.span(way).is_some())) {
+                errors.push(SpecError {
+                    message: format!("`{axis}` is an axis of the matrix, which wins"),
+                    place: source.layer.place(0..0),
+                    label: Some(format!("`--axis {axis}=...` replaces its list")),
+                    help: None,
+                });
+            }
+        }
+        errors
+    }
+
+    /// `message` about the file as a whole.
+    fn at_start(&self, message: String) -> SpecError {
+        let place = match self.sources.iter().rfind(|source| source.layer.path.is_some()) {
+            Some(file) => file.layer.place(0..0),
+            None => Place::Layer("the specification".into()),
+        };
+        SpecError { message, place, label: None, help: None }
+    }
+
+    fn at_matrix(&self, message: String) -> SpecError {
+        let place = self.place(&[Step::Key("matrix".into()), Step::Index(0)]);
+        SpecError { place: place.unwrap_or_else(|| self.at_start(String::new()).place), ..self.at_start(message) }
+    }
+
+    /// The strongest layer's value at the end of `way`.
+    fn place(&self, way: &[Step]) -> Option<Place> {
+        self.sources.iter().rev().find_map(|source| Some(source.layer.place(source.span(way)?)))
+    }
+
+    fn locate(&self, conflict: Conflict, index: usize, block: &Block, env: EnvId, algorithm: &str) -> SpecError {
+        let in_block = |key: &str| match self.axes.iter().find(|axis| axis.key == key) {
+            Some(axis) => Some(axis.layer.place(0..0)),
+            None => self.place(&[Step::Key("matrix".into()), Step::Index(index), Step::Key(key.into())]),
+        };
+        let written = |parameter: &Parameter| {
+            let same = |key: &str| Parameter::find(key).is_some_and(|axis| axis.is(parameter, algorithm));
+            let axis = block.axes.iter().find(|(key, _)| same(key)).and_then(|(key, _)| in_block(key));
+            axis.or_else(|| {
+                let way = match (parameter, parameter.hyperparameter_of(algorithm)) {
+                    (Parameter::Setting(key), _) => steps(key),
+                    (_, Some(key)) => steps(&format!("algorithms.{algorithm}.{key}")),
+                    _ => return None,
+                };
+                self.sources.iter().rev().find_map(|source| {
+                    let span = source.environment_span(env, &way).or_else(|| source.span(&way))?;
+                    Some(source.layer.place(span))
+                })
+            })
+        };
+        let place = conflict.parameters.iter().find_map(written).or_else(|| in_block("env"));
+        let place = place.unwrap_or_else(|| self.at_start(String::new()).place);
+        SpecError { message: conflict.message, place, label: conflict.label, help: conflict.help }
+    }
+}
+
+/// Adds `error` unless its place has one of the same kind, for another environment or algorithm.
+fn add(errors: &mut Vec<SpecError>, error: SpecError) {
+    if !errors.iter().any(|known| known.place == error.place && known.label == error.label) {
+        errors.push(error);
+    }
+}
+
+/// What a run of these settings could not do.
+fn conflicts(env: EnvId, settings: &Settings, algorithm: &Algorithm) -> Vec<Conflict> {
+    let setting = |key: &str| Parameter::Setting(key.into());
+    let (steps, environments) = (settings.rollout.steps.get(), settings.rollout.environments.get());
+    let budget = settings.budget.env_steps.get();
+    let mut conflicts = Vec::new();
+    let mut conflict = |message: String, label: &str, parameters: Vec<Parameter>| {
+        let message = format!("{env}, {}: {message}", algorithm.name());
+        conflicts.push(Conflict { message, label: Some(label.into()), help: None, parameters });
+    };
+
+    let sparse = env.sparse_reward();
+    if settings.reward != Reward::Dense && mem::discriminant(&settings.reward) != mem::discriminant(&sparse) {
+        conflict(
+            format!("{} is no reward of this environment", reward_name(&settings.reward)),
+            &format!("expected `dense` or {}", reward_name(&sparse)),
+            vec![setting("reward")],
+        );
+    }
+    if budget < steps {
+        conflict(
+            format!("budget.env_steps {budget} is smaller than one rollout, rollout.steps {steps}"),
+            "expected at least one rollout",
+            vec![setting("budget.env_steps"), setting("rollout.steps")],
+        );
+    }
+    if steps % environments != 0 {
+        conflict(
+            format!("rollout.steps {steps} cannot be shared among rollout.environments {environments}"),
+            "expected a multiple of the environments",
+            vec![setting("rollout.steps"), setting("rollout.environments")],
+        );
+    }
+    let minibatch = algorithm.hyperparameters().get("minibatch").and_then(toml::Value::as_integer);
+    if let Some(minibatch) = minibatch.and_then(|size| u64::try_from(size).ok()).filter(|size| *size > steps) {
+        conflict(
+            format!("minibatch {minibatch} is larger than the rollout, rollout.steps {steps}"),
+            "expected a minibatch no larger than the rollout",
+            vec![Parameter::Shared("minibatch".into()), setting("rollout.steps")],
+        );
+    }
+    conflicts
+}
+
+/// The demonstration that a run needs and that is not there.
+fn missing_demonstration(env: EnvId, settings: &Settings, algorithm: &Algorithm) -> Option<Conflict> {
+    if !algorithm.uses_demonstration() || settings.demonstrations.is_file() {
+        return None;
+    }
+    Some(Conflict {
+        message: format!("the demonstration {} of {env} is not there", settings.demonstrations.display()),
+        label: Some(format!("needs {}", settings.demonstrations.display())),
+        help: Some(format!(
+            "`mcpo-run demo collect` or `demo import` writes one; `environments.\"{env}\".demonstrations` names another"
+        )),
+        parameters: vec![Parameter::Setting("demonstrations".into())],
+    })
+}
+
+/// The tag of a reward.
+fn reward_name(reward: &Reward) -> String {
+    match toml::Value::try_from(reward) {
+        Ok(toml::Value::String(name)) => format!("`{name}`"),
+        Ok(toml::Value::Table(table)) => table.keys().map(|key| format!("`{key}`")).collect(),
+        _ => String::new(),
+    }
+}

@@ -1,0 +1,192 @@
+//! What is wrong with a specification, and where it was written.
+
+use std::{cmp::Ordering, fmt, ops::Range, path::PathBuf, sync::Arc};
+
+use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme, LabeledSpan, NamedSource, SourceCode};
+
+/// Where a mistake was written.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Place {
+    /// In a file.
+    File {
+        /// The file, as it was named.
+        path: PathBuf,
+        /// All of its text.
+        text: Arc<str>,
+        /// The bytes in question.
+        span: Range<usize>,
+    },
+    /// In a layer that is no file, or in a file that could not be read.
+    Layer(String),
+}
+
+/// One mistake.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SpecError {
+    /// What is wrong: lower case, with the value.
+    pub message: String,
+    /// Where it was written.
+    pub place: Place,
+    /// What belongs there instead, or the nearest known name; shown at the caret.
+    pub label: Option<String>,
+    /// What else may be known to the reader.
+    pub help: Option<String>,
+}
+
+impl SpecError {
+    /// Line, counted from 1; absent where the place is no file.
+    pub fn line(&self) -> Option<usize> {
+        self.before().map(|before| before.matches('\n').count() + 1)
+    }
+
+    /// Column in characters, counted from 1; absent where the place is no file.
+    pub fn column(&self) -> Option<usize> {
+        self.before().map(|before| before.rsplit('\n').next().unwrap_or_default().chars().count() + 1)
+    }
+
+    /// The text before the mistake.
+    fn before(&self) -> Option<&str> {
+        match &self.place {
+            Place::File { text, span, .. } => Some(text.get(..span.start).unwrap_or(text)),
+            Place::Layer(_) => None,
+        }
+    }
+
+    /// Files first, each from top to bottom.
+    pub(super) fn order(&self, other: &Self) -> Ordering {
+        match (&self.place, &other.place) {
+            (Place::File { path: a, span: i, .. }, Place::File { path: b, span: j, .. }) => {
+                a.cmp(b).then(i.start.cmp(&j.start))
+            }
+            (Place::File { .. }, Place::Layer(_)) => Ordering::Less,
+            (Place::Layer(_), Place::File { .. }) => Ordering::Greater,
+            (Place::Layer(a), Place::Layer(b)) => a.cmp(b),
+        }
+    }
+}
+
+impl fmt::Display for SpecError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.place {
+            Place::File { .. } => f.write_str(&self.message),
+            Place::Layer(layer) => write!(f, "{layer}: {}", self.message),
+        }
+    }
+}
+
+/// Every mistake that was found, in the order of the files; at least one.
+#[derive(Clone, PartialEq)]
+pub struct SpecErrors(Vec<SpecError>);
+
+impl SpecErrors {
+    /// `errors` in the order of their places, each once; `Ok` when there are none.
+    pub(super) fn none_or(mut errors: Vec<SpecError>) -> Result<(), Self> {
+        errors.sort_by(SpecError::order);
+        errors.dedup();
+        if errors.is_empty() { Ok(()) } else { Err(Self(errors)) }
+    }
+
+    /// The mistakes.
+    pub fn iter(&self) -> std::slice::Iter<'_, SpecError> {
+        self.0.iter()
+    }
+
+    /// All of them for people, each with its line and a caret: with colours and box drawing when `terminal`, else in
+    /// plain ASCII.
+    pub fn render(&self, terminal: bool) -> String {
+        let theme = if terminal { GraphicalTheme::unicode() } else { GraphicalTheme::none() };
+        let handler = GraphicalReportHandler::new_themed(theme).with_links(false).with_width(100);
+        let mut text = String::new();
+        for (index, error) in self.0.iter().enumerate() {
+            let shown = Shown::new(error);
+            text.push_str(if index > 0 { "\n" } else { "" });
+            if handler.render_report(&mut text, &shown).is_err() {
+                text.push_str(&error.to_string());
+            }
+        }
+        if self.0.len() > 1 {
+            text.push_str(&format!("\n{} errors\n", self.0.len()));
+        }
+        text
+    }
+}
+
+impl<'a> IntoIterator for &'a SpecErrors {
+    type Item = &'a SpecError;
+    type IntoIter = std::slice::Iter<'a, SpecError>;
+
+    fn into_iter(self) -> Self::IntoIter {
+        self.iter()
+    }
+}
+
+impl fmt::Display for SpecErrors {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.render(false).trim_end())
+    }
+}
+
+impl fmt::Debug for SpecErrors {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // What `expect` prints in a test is for people too.
+        write!(f, "\n{self}")
+    }
+}
+
+impl std::error::Error for SpecErrors {}
+
+/// A mistake as miette wants it.
+#[derive(Debug)]
+struct Shown<'a> {
+    error: &'a SpecError,
+    source: Option<NamedSource<String>>,
+}
+
+impl<'a> Shown<'a> {
+    fn new(error: &'a SpecError) -> Self {
+        let source = match &error.place {
+            Place::File { path, text, .. } => Some(NamedSource::new(path.to_string_lossy(), text.to_string())),
+            Place::Layer(_) => None,
+        };
+        Self { error, source }
+    }
+}
+
+impl fmt::Display for Shown<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.error.fmt(f)
+    }
+}
+
+impl std::error::Error for Shown<'_> {}
+
+impl Diagnostic for Shown<'_> {
+    fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
+        // Without a line there is no caret to write the label at.
+        let help = match &self.error.place {
+            Place::File { .. } => self.error.help.clone(),
+            Place::Layer(_) => {
+                let parts: Vec<&str> =
+                    [&self.error.label, &self.error.help].into_iter().flatten().map(String::as_str).collect();
+                (!parts.is_empty()).then(|| parts.join("; "))
+            }
+        };
+        help.map(|help| Box::new(help) as Box<dyn fmt::Display>)
+    }
+
+    fn source_code(&self) -> Option<&dyn SourceCode> {
+        self.source.as_ref().map(|source| source as &dyn SourceCode)
+    }
+
+    fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
+        match &self.error.place {
+            Place::File { text, span, .. } => {
+                // A span over several lines would show them all; its first line is enough to find it.
+                let first = text.get(span.clone()).unwrap_or_default().lines().next().unwrap_or_default();
+                let label = LabeledSpan::new_primary_with_span(self.error.label.clone(), (span.start, first.len()));
+                Some(Box::new(std::iter::once(label)))
+            }
+            Place::Layer(_) => None,
+        }
+    }
+}

@@ -1,0 +1,72 @@
+//! The layers that make up a specification, weakest first, merged by figment, which is named in this module alone.
+
+use std::collections::BTreeMap;
+
+use figment::{
+    Figment,
+    providers::{Env, Serialized},
+    value::Value,
+};
+
+use super::catalog::Catalog;
+
+/// Prefix of the environment variables that set keys.
+const PREFIX: &str = "MCPO_";
+
+/// The environment variables that set keys, each with its name and the key and value that it sets, in order of names.
+pub(super) fn variables() -> BTreeMap<String, toml::Table> {
+    let provider = Env::prefixed(PREFIX).split("__");
+    let pairs = provider.iter().map(|(key, text)| {
+        let name = format!("{PREFIX}{}", key.as_str().replace('.', "__").to_uppercase());
+        // figment reads a value that is no number, boolean, list or table as a string; it never fails.
+        let value: Value = text.parse().unwrap_or_else(|_| Value::from(text.clone()));
+        let value = toml::Value::try_from(&value).unwrap_or(toml::Value::String(text));
+        let nested = key
+            .as_str()
+            .rsplit('.')
+            .fold(value, |inner, key| toml::Value::Table(toml::Table::from_iter([(key.to_owned(), inner)])));
+        (name, nested)
+    });
+    pairs.filter_map(|(name, nested)| Some((name, nested.as_table()?.clone()))).collect()
+}
+
+/// All layers in one, key by key; lists and choices are replaced whole.
+///
+/// A layer wins over every weaker one, whichever table it uses: a general `budget.env_steps` takes the place of what
+/// weaker layers said under `environments."Ant-v2"`, so that `--set` reaches every run.
+pub(super) fn merge(layers: impl IntoIterator<Item = toml::Table>) -> toml::Table {
+    let mut merged = toml::Table::new();
+    for layer in layers {
+        shadow(&mut merged, &layer);
+        let figment = Figment::from(Serialized::defaults(&merged)).merge(Serialized::defaults(&layer));
+        merged = figment.extract().expect("tables of TOML merge into a table of TOML");
+    }
+    merged
+}
+
+/// Removes from `weaker` what it says under single environments and `stronger` says for all.
+fn shadow(weaker: &mut toml::Table, stronger: &toml::Table) {
+    let Some(toml::Value::Table(environments)) = weaker.get_mut("environments") else { return };
+    let general = stronger
+        .iter()
+        .filter(|(key, _)| *key == "algorithms" || Catalog::get().settings.schema(&[key.as_str()]).is_some());
+    for (key, value) in general {
+        for (_, environment) in environments.iter_mut() {
+            if let toml::Value::Table(environment) = environment {
+                remove(environment, key, value);
+            }
+        }
+    }
+}
+
+/// Removes `key` from `table`, or of a table there only what `value` says too.
+fn remove(table: &mut toml::Table, key: &str, value: &toml::Value) {
+    match (table.get_mut(key), value) {
+        (Some(toml::Value::Table(inner)), toml::Value::Table(over)) => {
+            over.iter().for_each(|(key, value)| remove(inner, key, value));
+        }
+        _ => {
+            table.remove(key);
+        }
+    }
+}

@@ -1,0 +1,120 @@
+//! The nearest known name, and serde's messages in words for people.
+
+/// The one of `known` that differs least from `name`; upper and lower case do not differ.
+pub(super) fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let name = name.to_lowercase();
+    known.into_iter().min_by_key(|known| strsim::damerau_levenshtein(&name, &known.to_lowercase()))
+}
+
+/// "the nearest known key is `max_kl`", where `what` is "key".
+pub(super) fn nearest_label<'a>(what: &str, name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<String> {
+    nearest(name, known).map(|nearest| format!("the nearest known {what} is `{nearest}`"))
+}
+
+/// "`a`, `b` and `c`".
+pub(super) fn list<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
+    let names: Vec<String> = names.into_iter().map(|name| format!("`{name}`")).collect();
+    match names.as_slice() {
+        [] => "nothing".into(),
+        [one] => one.clone(),
+        [most @ .., last] => format!("{} and {last}", most.join(", ")),
+    }
+}
+
+/// A message of serde, toml or a bounded number in plain words, and what to show at the caret.
+pub(super) fn plain(message: &str) -> (String, Option<String>) {
+    let message = message.lines().next().unwrap_or_default();
+    wrong_type(message)
+        .or_else(|| out_of_range(message))
+        .or_else(|| unknown_name(message))
+        .unwrap_or_else(|| (message.to_owned(), None))
+}
+
+fn wrong_type(message: &str) -> Option<(String, Option<String>)> {
+    let (found, expected) = message.strip_prefix("invalid type: ")?.split_once(", expected ")?;
+    let (found, expected) = (found_in_words(found), type_in_words(expected));
+    let label = match found.strip_suffix(".0") {
+        Some(whole) if expected == "a whole number" => format!("expected a whole number, such as {whole}"),
+        _ => format!("expected {expected}"),
+    };
+    Some((format!("{found} does not belong here"), Some(label)))
+}
+
+fn out_of_range(message: &str) -> Option<(String, Option<String>)> {
+    let (wrong, expected) = message.split_once(" is out of range; expected ")?;
+    Some((format!("{wrong} is out of range"), Some(format!("expected {expected}"))))
+}
+
+fn unknown_name(message: &str) -> Option<(String, Option<String>)> {
+    let (what, wrong, known): (_, _, Vec<&str>) = if let Some(names) =
+        message.strip_prefix("unexpected keys in table: ")
+    {
+        let (wrong, known) = names.split_once(", available keys: ")?;
+        ("key", wrong, known.split(", ").collect())
+    } else {
+        let (what, names) = match (message.strip_prefix("unknown variant "), message.strip_prefix("unknown field ")) {
+            (Some(names), _) => ("name", names),
+            (_, names) => ("key", names?),
+        };
+        // "`wrong`, expected `a` or `b`": every other piece between backticks is a name.
+        let names: Vec<&str> = names.split('`').skip(1).step_by(2).collect();
+        let (wrong, known) = names.split_first()?;
+        (what, *wrong, known.to_vec())
+    };
+    let label = nearest_label(what, wrong, known.iter().copied());
+    Some((format!("unknown {what} `{wrong}`; known are {}", list(known)), label))
+}
+
+/// What was found: "string "abc"" as it is, floating point `2.5` as the number 2.5.
+fn found_in_words(found: &str) -> String {
+    let numbers = ["floating point `", "integer `", "boolean `"];
+    match numbers.iter().find_map(|kind| Some((kind, found.strip_prefix(kind)?.strip_suffix('`')?))) {
+        Some((_, number)) => number.to_owned(),
+        None if found == "map" => "a table".into(),
+        None if found == "sequence" => "a list".into(),
+        None => format!("the {found}"),
+    }
+}
+
+/// A Rust type as a TOML user knows it.
+fn type_in_words(expected: &str) -> String {
+    match expected {
+        "f32" | "f64" => "a number".into(),
+        "i64" | "u64" | "usize" => "a whole number".into(),
+        "path string" => "a string".into(),
+        "a sequence" => "a list".into(),
+        other if other.starts_with("struct ") => "a table".into(),
+        other => other.into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_nearest_name_is_the_one_with_fewest_changes() {
+        assert_eq!(nearest("max_klp", ["max_d", "max_kl", "mmd"]), Some("max_kl"));
+        assert_eq!(nearest("PPO", ["mcpo", "ppo"]), Some("ppo"));
+        assert_eq!(nearest("ppo", []), None);
+    }
+
+    #[test]
+    fn messages_of_serde_become_plain() {
+        let (message, label) = plain("unknown variant `demos`, expected `demo_states` or `rollout`");
+        assert_eq!(message, "unknown name `demos`; known are `demo_states` and `rollout`");
+        assert_eq!(label.as_deref(), Some("the nearest known name is `demo_states`"));
+        let (message, label) = plain("invalid type: floating point `2.5`, expected i64");
+        assert_eq!(message, "2.5 does not belong here");
+        assert_eq!(label.as_deref(), Some("expected a whole number"));
+        let (_, label) = plain("invalid type: floating point `100000.0`, expected i64");
+        assert_eq!(label.as_deref(), Some("expected a whole number, such as 100000"));
+        let (_, label) = plain("unexpected keys in table: distanc, available keys: distance, mode");
+        assert_eq!(label.as_deref(), Some("the nearest known key is `distance`"));
+        let (message, label) = plain("-1 is out of range; expected a finite number above 0");
+        assert_eq!(
+            (message.as_str(), label.as_deref()),
+            ("-1 is out of range", Some("expected a finite number above 0"))
+        );
+    }
+}

@@ -1,0 +1,108 @@
+//! The keys that can be axes: any setting, and any hyperparameter.
+
+use super::catalog::{Catalog, Section};
+
+/// A setting or hyperparameter, as an axis, a figure or a selection names it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum Parameter {
+    /// `budget.env_steps`, `reward`: a setting of every run.
+    Setting(String),
+    /// `d`: a hyperparameter of every algorithm that has it.
+    Shared(String),
+    /// `mcpo.max_kl`: a hyperparameter of one algorithm.
+    Own {
+        /// The algorithm.
+        algorithm: &'static str,
+        /// The key among its hyperparameters.
+        key: String,
+    },
+}
+
+impl Parameter {
+    /// The parameter called `name`; `None` when there is none.
+    pub(crate) fn find(name: &str) -> Option<Self> {
+        let catalog = Catalog::get();
+        if has(&catalog.settings, name) {
+            return Some(Self::Setting(name.into()));
+        }
+        if let Some((algorithm, key)) = name.split_once('.')
+            && let Some((algorithm, section)) = catalog.algorithms().find(|(known, _)| *known == algorithm)
+        {
+            return has(section, key).then(|| Self::Own { algorithm, key: key.into() });
+        }
+        catalog.algorithms().any(|(_, section)| has(section, name)).then(|| Self::Shared(name.into()))
+    }
+
+    /// Every name that [`find`](Self::find) knows.
+    pub(crate) fn names() -> Vec<String> {
+        let catalog = Catalog::get();
+        let mut names = catalog.settings.leaves();
+        for (_, section) in catalog.algorithms() {
+            names.extend(section.leaves());
+        }
+        for (algorithm, section) in catalog.algorithms() {
+            names.extend(section.leaves().into_iter().map(|key| format!("{algorithm}.{key}")));
+        }
+        names.sort_unstable();
+        names.dedup();
+        names
+    }
+
+    /// The key among the hyperparameters of `algorithm`; `None` when it has none such.
+    pub(crate) fn hyperparameter_of(&self, algorithm: &str) -> Option<&str> {
+        match self {
+            Self::Setting(_) => None,
+            Self::Shared(key) => {
+                Catalog::get().algorithm(algorithm).filter(|section| has(section, key)).map(|_| key.as_str())
+            }
+            Self::Own { algorithm: own, key } => (*own == algorithm).then_some(key),
+        }
+    }
+
+    /// Whether it is the same as `other` in runs of `algorithm`.
+    pub(crate) fn is(&self, other: &Self, algorithm: &str) -> bool {
+        match (self.hyperparameter_of(algorithm), other.hyperparameter_of(algorithm)) {
+            (Some(own), Some(others)) => own == others,
+            _ => self == other,
+        }
+    }
+
+    /// Whether runs of `algorithm` have it.
+    pub(crate) fn applies_to(&self, algorithm: &str) -> bool {
+        matches!(self, Self::Setting(_)) || self.hyperparameter_of(algorithm).is_some()
+    }
+}
+
+/// Whether `section` has a value, not a table, at the dotted `key`.
+fn has(section: &Section, key: &str) -> bool {
+    let path: Vec<&str> = key.split('.').collect();
+    section.schema(&path).is_some() && section.keys(&path).is_none()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parameters_are_found_by_their_names_alone() {
+        for unknown in ["", "mmd", "mcpo", "mcpo.mmd", "ppo.d", "budget", "mcpo.d.x", "seed"] {
+            assert_eq!(Parameter::find(unknown), None, "{unknown}");
+        }
+        assert_eq!(Parameter::find("reward"), Some(Parameter::Setting("reward".into())));
+        assert_eq!(Parameter::find("d"), Some(Parameter::Shared("d".into())));
+        let own = Parameter::Own { algorithm: "mcpo", key: "mmd.samples".into() };
+        assert_eq!(Parameter::find("mcpo.mmd.samples"), Some(own));
+        for name in Parameter::names() {
+            assert!(Parameter::find(&name).is_some(), "{name}");
+        }
+    }
+
+    #[test]
+    fn a_shared_hyperparameter_applies_where_it_exists() {
+        let d = Parameter::find("d").expect("MCPO has it");
+        assert!(d.applies_to("mcpo") && !d.applies_to("ppo"));
+        let discount = Parameter::find("discount").expect("both have it");
+        assert!(discount.applies_to("mcpo") && discount.applies_to("ppo"));
+        assert!(!Parameter::find("ppo.discount").expect("PPO has it").applies_to("mcpo"));
+    }
+}

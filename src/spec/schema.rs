@@ -1,0 +1,114 @@
+//! The JSON Schema of a matrix file, for editors.
+
+use serde_json::{Map, Value, json};
+
+use super::{
+    Algorithm, Parameter,
+    catalog::{Catalog, Section},
+};
+use crate::env::EnvId;
+
+/// The JSON Schema (draft 2020-12) of a matrix file: every key with its documentation.
+pub fn schema() -> Value {
+    let catalog = Catalog::get();
+    let settings = properties(&catalog.settings.schema(&[]).map(optional).unwrap_or_default());
+    let algorithms = object(
+        "Hyperparameters, by the algorithm's name; the defaults are the paper's Tables 1 and 2",
+        catalog
+            .algorithms()
+            .map(|(name, section)| ((*name).into(), section.schema(&[]).map(optional).unwrap_or_default()))
+            .collect(),
+    );
+
+    let mut environment = settings.clone();
+    environment.insert("algorithms".into(), algorithms.clone());
+    let environment = object("Settings and hyperparameters for one environment alone", environment);
+    let environments = EnvId::ALL.iter().map(|env| (env.name().to_owned(), environment.clone())).collect();
+    let mut environments = object("Settings by the environment's name, Gym's or the paper's", environments);
+    environments["additionalProperties"] = environment;
+
+    let mut file = settings;
+    let text = |description: &str| json!({ "type": "string", "description": description });
+    file.insert("name".into(), name("Name of the experiment, and of its folder under the results"));
+    file.insert("description".into(), text("A sentence for people"));
+    file.insert(
+        "extends".into(),
+        text("A weaker file, relative to this one, whose keys hold where this one is silent"),
+    );
+    file.insert("matrix".into(), list("Blocks; every combination of a block's lists is one run", block()));
+    file.insert("algorithms".into(), algorithms);
+    file.insert("environments".into(), environments);
+    for (key, what, section) in
+        [("figures", "Learning curves", &catalog.figure), ("tables", "Tables of returns", &catalog.table)]
+    {
+        let mut element = section.schema(&[]).cloned().unwrap_or_default();
+        element["properties"]["name"] = name("File name without extension");
+        file.insert(key.into(), list(what, element));
+    }
+    let mut schema = object("An experiment of mcpo-run", file);
+    schema["$schema"] = json!("https://json-schema.org/draft/2020-12/schema");
+    schema["title"] = json!("mcpo-run experiment");
+    schema["anyOf"] = json!([{ "required": ["extends"] }, { "required": ["name", "matrix"] }]);
+    schema
+}
+
+/// A block of the matrix: a list for every parameter.
+fn block() -> Value {
+    let values = |description: &str, items: Value| json!({ "type": "array", "minItems": 1, "uniqueItems": true, "description": description, "items": items });
+    let environments = EnvId::ALL.map(EnvId::name);
+    let mut keys = Map::new();
+    keys.insert("seed".into(), values("Seeds", json!({ "type": "integer", "minimum": 0 })));
+    // Any string: the paper's names are known too.
+    let env = json!({ "anyOf": [{ "enum": environments }, { "type": "string" }] });
+    keys.insert("env".into(), values("Environments", env));
+    let algorithms: Vec<&str> = Algorithm::names().collect();
+    keys.insert("algorithm".into(), values("Algorithms", json!({ "enum": algorithms })));
+    for name in Parameter::names() {
+        if let Some(schema) = value(&name) {
+            let description = schema["description"].as_str().unwrap_or_default().to_owned();
+            keys.insert(name, values(&description, schema));
+        }
+    }
+    let mut block = object("One block of the matrix", keys);
+    block["required"] = json!(["seed", "env", "algorithm"]);
+    block
+}
+
+/// The schema of one value of the parameter called `name`.
+fn value(name: &str) -> Option<Value> {
+    let catalog = Catalog::get();
+    let parameter = Parameter::find(name)?;
+    let of = |section: &Section, key: &str| section.schema(&key.split('.').collect::<Vec<_>>()).cloned();
+    match &parameter {
+        Parameter::Setting(key) => of(&catalog.settings, key),
+        _ => catalog.algorithms().find_map(|(algorithm, section)| of(section, parameter.hyperparameter_of(algorithm)?)),
+    }
+}
+
+fn object(description: &str, properties: Map<String, Value>) -> Value {
+    json!({ "type": "object", "description": description, "properties": properties, "additionalProperties": false })
+}
+
+fn list(description: &str, items: Value) -> Value {
+    json!({ "type": "array", "description": description, "items": items })
+}
+
+fn name(description: &str) -> Value {
+    json!({ "type": "string", "description": description, "pattern": "^[A-Za-z0-9_-][A-Za-z0-9._-]{0,99}$" })
+}
+
+fn properties(schema: &Value) -> Map<String, Value> {
+    schema["properties"].as_object().cloned().unwrap_or_default()
+}
+
+/// `schema` with no key required, since every one has a default; the fields of choices, such as a reward's, stay so.
+fn optional(schema: &Value) -> Value {
+    let mut schema = schema.clone();
+    if let Some(fields) = schema.as_object_mut().filter(|fields| fields.contains_key("properties")) {
+        fields.remove("required");
+        if let Some(Value::Object(properties)) = fields.get_mut("properties") {
+            properties.values_mut().for_each(|inner| *inner = optional(inner));
+        }
+    }
+    schema
+}

@@ -1,0 +1,81 @@
+//! Which runs are meant: `env=Hopper-v2,algorithm=mcpo,d=0.001`.
+
+use super::{Algorithm, Parameter, check::BLOCK_KEYS, names::nearest};
+use crate::env::EnvId;
+
+/// Runs by the values of their axes and parameters. Different keys must all match; of one key given twice, one value.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Selection {
+    /// Keys with the values that they may have.
+    pub(crate) wanted: Vec<(String, Vec<toml::Value>)>,
+}
+
+/// A selection that cannot be understood.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum SelectionError {
+    /// A piece is no `KEY=VALUE`.
+    #[error("`{0}` is not of the form KEY=VALUE")]
+    Form(String),
+    /// No run has such a key.
+    #[error("unknown key `{key}` in a selection; the nearest known one is `{nearest}`")]
+    Key {
+        /// As it was given.
+        key: String,
+        /// The known key that differs least.
+        nearest: String,
+    },
+    /// There is no such environment or algorithm.
+    #[error("unknown {key} `{value}` in a selection; the nearest known one is `{nearest}`")]
+    Value {
+        /// `env` or `algorithm`.
+        key: String,
+        /// As it was given.
+        value: String,
+        /// The known name that differs least.
+        nearest: String,
+    },
+}
+
+impl Selection {
+    /// The runs that `text` (`KEY=VALUE,KEY=VALUE...`) means.
+    ///
+    /// Errors: a piece has another form, or names a key, environment or algorithm that does not exist.
+    pub fn parse(text: &str) -> Result<Self, SelectionError> {
+        let mut wanted: Vec<(String, Vec<toml::Value>)> = Vec::new();
+        for piece in text.split(',').map(str::trim) {
+            let (key, value) = piece.split_once('=').ok_or_else(|| SelectionError::Form(piece.into()))?;
+            let (key, value) = (key.trim().trim_matches('"'), value.trim());
+            let value = meaning(key, value)?;
+            match wanted.iter_mut().find(|(known, _)| known == key) {
+                Some((_, values)) => values.push(value),
+                None => wanted.push((key.into(), vec![value])),
+            }
+        }
+        Ok(Self { wanted })
+    }
+}
+
+/// What `value` means for `key`.
+fn meaning(key: &str, value: &str) -> Result<toml::Value, SelectionError> {
+    let unknown = |nearest: String| SelectionError::Value { key: key.into(), value: value.into(), nearest };
+    let text = match key {
+        "env" => {
+            let known = EnvId::ALL.map(EnvId::name);
+            let env: EnvId = value.parse().map_err(|_| unknown(nearest(value, known).unwrap_or_default().into()))?;
+            env.name().to_owned()
+        }
+        "algorithm" if Algorithm::names().any(|name| name == value) => value.to_owned(),
+        "algorithm" => return Err(unknown(nearest(value, Algorithm::names()).unwrap_or_default().into())),
+        _ if key == "seed" || Parameter::find(key).is_some() => {
+            let number = value.replace('_', "").parse().map(toml::Value::Float);
+            return Ok(number.or_else(|_| value.parse()).unwrap_or_else(|_| toml::Value::String(value.into())));
+        }
+        _ => {
+            let names = Parameter::names();
+            let known = BLOCK_KEYS.into_iter().chain(names.iter().map(String::as_str));
+            let nearest = nearest(key, known).unwrap_or_default().to_owned();
+            return Err(SelectionError::Key { key: key.into(), nearest });
+        }
+    };
+    Ok(toml::Value::String(text))
+}

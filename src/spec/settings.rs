@@ -1,0 +1,157 @@
+//! What can be set for all runs, for one environment, or as an axis, beside hyperparameters.
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    env::{EnvId, Reward},
+    quantity::{Count, EnvSteps, Positive, constant},
+};
+
+/// Every setting of a run that is not its algorithm's.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Settings {
+    /// The reward that is trained on: `"dense"`, `"sparse1"`, `{ sparse2 = { distance = 15.0 } }` or
+    /// `{ sparse3 = { height = 0.59 } }`; the paper's sparse one for the environment when absent.
+    pub reward: Reward,
+    /// The time limit of an episode in steps; Gym's when absent.
+    pub max_steps: Count,
+    /// The demonstration's file, relative to the file that names it; `{env}` stands for the environment's name.
+    pub demonstrations: PathBuf,
+    /// How long each run is.
+    pub budget: Budget,
+    /// How experience is collected.
+    pub rollout: Rollout,
+    /// How and when policies are evaluated.
+    pub evaluation: Evaluation,
+    /// The networks' shapes.
+    pub network: Network,
+    /// When checkpoints are written.
+    pub checkpoint: Checkpoint,
+}
+
+/// `[budget]`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Budget {
+    /// Steps in the environments, over all of a run; required.
+    pub env_steps: EnvSteps,
+}
+
+/// `[rollout]`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Rollout {
+    /// Steps of one iteration, over all environments; a multiple of `environments`. Default 4096, MountainCar 2048.
+    pub steps: Count,
+    /// Environments stepped together in one process. Default 8.
+    pub environments: Count,
+}
+
+/// `[evaluation]`: episodes with the mean action and a frozen normaliser, on the dense and the sparse reward.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Evaluation {
+    /// Environment steps of training between two evaluations; the last policy is evaluated in any case. Default a
+    /// fiftieth of the budget, but no less than ten times the steps that one evaluation can take.
+    pub every: EnvSteps,
+    /// Episodes of each evaluation under way. Default 2.
+    pub episodes: Count,
+    /// Episodes of the evaluation at the end of training. Default 50, as in the paper.
+    pub final_episodes: Count,
+}
+
+/// `[network]`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Network {
+    /// Widths of the hidden layers of policy, value and discriminator networks. Default `[300, 400]`.
+    pub hidden: Vec<Count>,
+    /// The policy's standard deviation at the start, in units of the action. Default 0.5.
+    pub initial_std: Positive,
+    /// Normalised observations are clipped to this, on either side. Default 10.
+    pub observation_clip: Positive,
+}
+
+/// `[checkpoint]`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Checkpoint {
+    /// Seconds of wall time between two checkpoints that an interrupted run resumes from. Default 60.
+    pub every_seconds: Positive,
+    /// Keep the policy every so many environment steps, for `demo collect`; none is kept when absent.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub keep_policy_every: Option<EnvSteps>,
+}
+
+impl Settings {
+    /// The share of training steps that evaluations under way may take, as one part in so many.
+    const EVALUATION_PART: u64 = 10;
+    /// The points of a learning curve where the budget allows.
+    const EVALUATIONS: u64 = 50;
+
+    /// The defaults for `env` under a budget of `env_steps`.
+    pub fn for_env(env: EnvId, env_steps: EnvSteps) -> Self {
+        let episodes = constant(2);
+        let max_steps = count(env.max_steps());
+        Self {
+            reward: env.sparse_reward(),
+            max_steps,
+            demonstrations: PathBuf::from("demos/{env}.parquet"),
+            budget: Budget { env_steps },
+            rollout: Rollout {
+                steps: constant(if env == EnvId::MountainCar { 2048 } else { 4096 }),
+                environments: constant(8),
+            },
+            evaluation: Evaluation {
+                every: Self::evaluate_every(env_steps, episodes, max_steps),
+                episodes,
+                final_episodes: constant(50),
+            },
+            network: Network {
+                hidden: vec![constant(300), constant(400)],
+                initial_std: constant(0.5),
+                observation_clip: constant(10.0),
+            },
+            checkpoint: Checkpoint { every_seconds: constant(60.0), keep_policy_every: None },
+        }
+    }
+
+    /// The default of `evaluation.every`: a fiftieth of the budget, unless evaluations would then cost more than a tenth
+    /// of training's steps.
+    pub(super) fn evaluate_every(env_steps: EnvSteps, episodes: Count, max_steps: Count) -> EnvSteps {
+        let longest = episodes.get().saturating_mul(max_steps.get());
+        count((env_steps.get() / Self::EVALUATIONS).max(longest.saturating_mul(Self::EVALUATION_PART)))
+    }
+}
+
+/// A count that is known to be one.
+fn count(number: u64) -> Count {
+    constant(i64::try_from(number).unwrap_or(i64::MAX))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn evaluations_under_way_stay_below_a_tenth_of_training() {
+        for env_steps in [20_000, 200_000, 3_000_000] {
+            let settings = Settings::for_env(EnvId::Hopper, constant(env_steps));
+            let evaluations = settings.budget.env_steps.get() / settings.evaluation.every.get();
+            let cost = evaluations * settings.evaluation.episodes.get() * settings.max_steps.get();
+            assert!(cost * 10 <= settings.budget.env_steps.get(), "{cost} of {env_steps}");
+        }
+        assert_eq!(Settings::for_env(EnvId::Hopper, constant(3_000_000)).evaluation.every, constant(60_000));
+    }
+
+    #[test]
+    fn rollouts_divide_among_their_environments() {
+        for env in EnvId::ALL {
+            let rollout = Settings::for_env(env, constant(1)).rollout;
+            assert_eq!(rollout.steps.get() % rollout.environments.get(), 0, "{env}");
+        }
+    }
+}

@@ -1,0 +1,279 @@
+//! Reading the layers, and finding in them where a key was written.
+
+use std::{
+    fs,
+    io::{self, Read},
+    ops::Range,
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+use serde::Deserialize;
+use toml::{
+    Spanned,
+    de::{DeTable, DeValue, ValueDeserializer},
+};
+
+use super::{
+    Overrides,
+    error::{Place, SpecError},
+    layers,
+};
+use crate::env::EnvId;
+
+/// No matrix that a person wrote is longer, bytes.
+const LONGEST: u64 = 4 << 20;
+
+/// The text of one layer.
+pub(super) struct Layer {
+    /// The file; `None` for a variable or an argument.
+    pub(super) path: Option<PathBuf>,
+    /// What a message calls it.
+    name: String,
+    text: Arc<str>,
+}
+
+impl Layer {
+    /// A file that was read.
+    pub(super) fn file(path: &Path, text: &str) -> Self {
+        Self { path: Some(path.to_owned()), name: path.display().to_string(), text: text.into() }
+    }
+
+    /// A layer that is no file.
+    fn other(name: String, text: &str) -> Self {
+        Self { path: None, name, text: text.into() }
+    }
+
+    /// The place of `span` in it.
+    pub(super) fn place(&self, span: Range<usize>) -> Place {
+        match &self.path {
+            Some(path) => Place::File { path: path.clone(), text: Arc::clone(&self.text), span },
+            None => Place::Layer(self.name.clone()),
+        }
+    }
+
+    /// The folder at which relative paths in it start.
+    pub(super) fn folder(&self) -> &Path {
+        self.path.as_deref().and_then(Path::parent).unwrap_or(Path::new(""))
+    }
+
+    /// What it says, and every mistake of syntax in it.
+    pub(super) fn parse(&self) -> (Source<'_>, Vec<SpecError>) {
+        let (tree, errors) = DeTable::parse_recoverable(&self.text);
+        let errors = errors.into_iter().map(|error| {
+            let span = error.span().unwrap_or(0..0);
+            let (message, label) = match error.message().split_once(", expected ") {
+                // What toml says of `key =` with nothing behind it.
+                Some(_) if span.is_empty() && error.message().starts_with("string values must be quoted") => {
+                    ("a value is missing".to_owned(), Some("expected a value".to_owned()))
+                }
+                Some((message, expected)) => (message.to_owned(), Some(format!("expected {expected}"))),
+                None => (error.message().to_owned(), None),
+            };
+            SpecError { message, place: self.place(span), label, help: None }
+        });
+        let errors = errors.collect();
+        (Source { layer: self, tree }, errors)
+    }
+}
+
+/// One layer, parsed.
+pub(super) struct Source<'a> {
+    pub(super) layer: &'a Layer,
+    pub(super) tree: Spanned<DeTable<'a>>,
+}
+
+/// A step on the way to a value.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Step {
+    Key(String),
+    Index(usize),
+}
+
+/// The way to the dotted `key`.
+pub(super) fn steps(key: &str) -> Vec<Step> {
+    key.split('.').map(|key| Step::Key(key.into())).collect()
+}
+
+impl Source<'_> {
+    /// The bytes of the value at the end of `way`, or `None` when this layer does not have it.
+    pub(super) fn span(&self, way: &[Step]) -> Option<Range<usize>> {
+        let (last, before) = way.split_last()?;
+        let inner = match before.split_first() {
+            None => match last {
+                Step::Key(key) => self.tree.get_ref().get(key.as_str()),
+                Step::Index(_) => None,
+            },
+            Some((Step::Key(first), between)) => {
+                let first = self.tree.get_ref().get(first.as_str())?;
+                between.iter().chain([last]).try_fold(first, |value, step| step.of(value))
+            }
+            Some((Step::Index(_), _)) => None,
+        };
+        inner.map(Spanned::span)
+    }
+
+    /// The bytes of the value at the end of `way` under the table of `env`, whichever of its names that has.
+    pub(super) fn environment_span(&self, env: EnvId, way: &[Step]) -> Option<Range<usize>> {
+        let environments = self.tree.get_ref().get("environments")?.get_ref().as_table()?;
+        let (name, _) =
+            environments.iter().find(|(name, _)| name.get_ref().parse::<EnvId>().is_ok_and(|known| known == env))?;
+        let whole = [Step::Key("environments".into()), Step::Key(name.get_ref().to_string())];
+        self.span(&whole.into_iter().chain(way.iter().cloned()).collect::<Vec<_>>())
+    }
+}
+
+impl Step {
+    fn of<'v, 'a>(&self, value: &'v Spanned<DeValue<'a>>) -> Option<&'v Spanned<DeValue<'a>>> {
+        match self {
+            Self::Key(key) => value.get_ref().get(key.as_str()),
+            Self::Index(index) => value.get_ref().get(*index),
+        }
+    }
+}
+
+/// `value` without its spans.
+pub(super) fn plain_value(value: &Spanned<DeValue<'_>>) -> Option<toml::Value> {
+    toml::Value::deserialize(ValueDeserializer::from(value.clone())).ok()
+}
+
+/// The file at `path` and those that it extends, weakest first, with what is wrong with their names.
+///
+/// `text` is the file's, where it is not read from `path`.
+pub(super) fn files(path: &Path, text: Option<&str>) -> (Vec<Layer>, Vec<SpecError>) {
+    let mut chain: Vec<Layer> = Vec::new();
+    let mut seen: Vec<PathBuf> = Vec::new();
+    let mut next = match text.map(|text| Ok(text.to_owned())).unwrap_or_else(|| read(path)) {
+        Ok(text) => Some(Layer::file(path, &text)),
+        Err(reason) => {
+            let place = Place::Layer(path.display().to_string());
+            return (chain, vec![SpecError { message: reason, place, label: None, help: None }]);
+        }
+    };
+    let mut errors = Vec::new();
+    while let Some(layer) = next.take() {
+        seen.extend(layer.path.as_ref().map(|path| path.canonicalize().unwrap_or_else(|_| path.clone())));
+        if let Some((base, span)) = extended(&layer) {
+            let base = layer.folder().join(base);
+            let refuse = |message| SpecError { message, place: layer.place(span), label: None, help: None };
+            match read(&base) {
+                Err(reason) => errors.push(refuse(format!("cannot extend {}: {reason}", base.display()))),
+                Ok(_) if base.canonicalize().is_ok_and(|base| seen.contains(&base)) => {
+                    errors.push(refuse(format!("{} extends itself, in the end", base.display())));
+                }
+                Ok(text) => next = Some(Layer::file(&base, &text)),
+            }
+        }
+        chain.push(layer);
+    }
+    chain.reverse();
+    (chain, errors)
+}
+
+/// The file that `layer` extends, and where it says so.
+fn extended(layer: &Layer) -> Option<(PathBuf, Range<usize>)> {
+    let (source, _) = layer.parse();
+    let value = source.tree.get_ref().get("extends")?;
+    Some((value.get_ref().as_str()?.into(), value.span()))
+}
+
+fn read(path: &Path) -> Result<String, String> {
+    let mut text = String::new();
+    let file = fs::File::open(path).map_err(|error| match error.kind() {
+        io::ErrorKind::NotFound => "there is no such file".to_owned(),
+        _ => format!("cannot open it: {error}"),
+    })?;
+    match file.take(LONGEST + 1).read_to_string(&mut text) {
+        Err(error) => Err(format!("cannot read it: {error}")),
+        Ok(length) if length as u64 > LONGEST => Err(format!("it is longer than {LONGEST} bytes")),
+        Ok(_) => Ok(text),
+    }
+}
+
+/// The layers stronger than any file: environment variables, then `--set`.
+pub(super) fn overriding(overrides: &Overrides, variables: bool) -> (Vec<Layer>, Vec<SpecError>) {
+    let mut layers = Vec::new();
+    let mut errors = Vec::new();
+    if variables {
+        for (name, table) in layers::variables() {
+            layers.push(Layer::other(format!("environment variable {name}"), &table.to_string()));
+        }
+    }
+    for argument in &overrides.set {
+        let name = format!("--set {argument}");
+        match assignment(argument) {
+            Some(text) => layers.push(Layer::other(name, &text)),
+            None => errors.push(SpecError {
+                message: "not of the form KEY=VALUE".into(),
+                place: Place::Layer(name),
+                label: Some("such as `budget.env_steps=100000`".into()),
+                help: None,
+            }),
+        }
+    }
+    (layers, errors)
+}
+
+/// `argument` (`KEY=VALUE`) as a line of TOML; a value that is none in TOML is a string.
+fn assignment(argument: &str) -> Option<String> {
+    let (key, value) = argument.split_once('=')?;
+    let text = |value: &str| format!("{} = {value}", key.trim());
+    [text(value.trim()), text(&quoted(value))].into_iter().find(|text| DeTable::parse(text).is_ok())
+}
+
+/// The list that replaces one axis in every block.
+pub(super) struct AxisList {
+    /// `seed`, `d` ...
+    pub(super) key: String,
+    /// `key = [ ... ]`.
+    pub(super) layer: Layer,
+}
+
+/// The `--axis KEY=VALUE,VALUE...` arguments.
+pub(super) fn axis_lists(overrides: &Overrides) -> (Vec<AxisList>, Vec<SpecError>) {
+    let mut lists = Vec::new();
+    let mut errors = Vec::new();
+    for argument in &overrides.axis {
+        let name = format!("--axis {argument}");
+        match argument.split_once('=').map(|(key, values)| (key.trim().trim_matches('"'), values)) {
+            Some((key, values)) if !key.is_empty() => {
+                let text = format!("{} = {}", quoted(key), list(values));
+                lists.push(AxisList { key: key.into(), layer: Layer::other(name, &text) });
+            }
+            _ => errors.push(SpecError {
+                message: "not of the form KEY=VALUE,VALUE...".into(),
+                place: Place::Layer(name),
+                label: Some("such as `seed=0,1`".into()),
+                help: None,
+            }),
+        }
+    }
+    (lists, errors)
+}
+
+/// `values` as a TOML list: as it stands between brackets, or else with every value that is none in TOML as a string.
+fn list(values: &str) -> String {
+    let whole = format!("[{values}]");
+    if DeValue::parse(&whole).is_ok() {
+        return whole;
+    }
+    let each = values.split(',').map(str::trim).map(|value| match DeValue::parse(value) {
+        Ok(_) => value.to_owned(),
+        Err(_) => quoted(value),
+    });
+    format!("[{}]", each.collect::<Vec<_>>().join(", "))
+}
+
+/// `text` as a string in TOML.
+fn quoted(text: &str) -> String {
+    toml::Value::String(text.trim().into()).to_string()
+}
+
+impl AxisList {
+    /// Its values.
+    pub(super) fn values(&self) -> Vec<toml::Value> {
+        let (source, _) = self.layer.parse();
+        let value = source.tree.get_ref().get(self.key.as_str()).and_then(plain_value);
+        value.and_then(|value| value.as_array().cloned()).unwrap_or_default()
+    }
+}

@@ -1,0 +1,20 @@
+//! Runs that take no step of training: behaviour cloning alone, and uniform actions.
+
+use super::{
+    Ending, RunSink, TrainError, build,
+    evaluate::{self, Actor},
+};
+use crate::{algo::Agent, plan::RunSpec, rng::Stream};
+
+/// Evaluates what `spec` ends with, `agent` or else uniform actions. It is over in seconds, so there is no checkpoint.
+pub fn run(spec: &RunSpec, agent: Option<&Agent>, sink: &mut dyn RunSink) -> Result<Ending, TrainError> {
+    let mut tasks = build::tasks(spec, spec.rollout.environments.size())?;
+    let mut uniform = spec.seed.stream(Stream::Action, 0);
+    let mut actor = agent.map_or(Actor::Uniform(&mut uniform), Actor::MeanAction);
+    let count = spec.evaluation.final_episodes.get();
+    sink.evaluation(&evaluate::evaluation(&mut actor, &mut tasks, spec.seed, 0, 0, count, true)?)?;
+    if let Some(agent) = agent {
+        sink.policy(0, true, agent)?;
+    }
+    Ok(Ending::Finished)
+}

@@ -1,0 +1,155 @@
+//! The training loop of every algorithm that learns from its own rollouts.
+
+use std::time::Instant;
+
+use serde::{Deserialize, Serialize};
+
+use super::{
+    Ending, Flow, Iteration, RunSink, TrainError, build,
+    evaluate::{self, Actor},
+    rollout::{Episode, Rollout, RolloutState},
+};
+use crate::{
+    algo::OnPolicy,
+    env::Task,
+    plan::RunSpec,
+    rng::{Rng, Stream},
+};
+
+/// A run under way.
+struct Training<'a> {
+    spec: &'a RunSpec,
+    algorithm: Box<dyn OnPolicy>,
+    rollout: Rollout,
+    evaluation_tasks: Vec<Task>,
+    progress: Progress,
+}
+
+/// Where a run is, beside its agent and environments.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+struct Progress {
+    iteration: u64,
+    env_steps: u64,
+    evaluations: u32,
+    updates: Rng,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    progress: Progress,
+    algorithm: Vec<u8>,
+    rollout: RolloutState,
+}
+
+/// Trains `algorithm` on `spec` from its start or from `checkpoint`.
+pub fn run(
+    spec: &RunSpec,
+    algorithm: Box<dyn OnPolicy>,
+    checkpoint: Option<&[u8]>,
+    sink: &mut dyn RunSink,
+) -> Result<Ending, TrainError> {
+    let mut training = Training::new(spec, algorithm)?;
+    match checkpoint {
+        Some(bytes) => training.restore(bytes)?,
+        None => training.evaluate(sink, false)?,
+    }
+    while training.progress.env_steps < spec.budget.env_steps.get() {
+        if training.iterate(sink)? == Flow::Stop {
+            return Ok(Ending::Stopped);
+        }
+    }
+    training.evaluate(sink, true)?;
+    sink.policy(training.progress.env_steps, true, training.algorithm.agent())?;
+    Ok(Ending::Finished)
+}
+
+impl<'a> Training<'a> {
+    fn new(spec: &'a RunSpec, algorithm: Box<dyn OnPolicy>) -> Result<Self, TrainError> {
+        let environments = spec.rollout.environments.size();
+        Ok(Self {
+            spec,
+            algorithm,
+            rollout: Rollout::new(build::tasks(spec, environments)?, spec.seed),
+            evaluation_tasks: build::tasks(spec, environments)?,
+            progress: Progress {
+                iteration: 0,
+                env_steps: 0,
+                evaluations: 0,
+                updates: spec.seed.stream(Stream::Update, 0),
+            },
+        })
+    }
+
+    /// One rollout, one update, and what is due after them. Evaluations come before the checkpoint, so that a resumed run
+    /// has either all of an iteration or none of it.
+    fn iterate(&mut self, sink: &mut dyn RunSink) -> Result<Flow, TrainError> {
+        let spec = self.spec;
+        let environments = spec.rollout.environments.size();
+        let began = Instant::now();
+        let collected = self.rollout.collect(self.algorithm.agent_mut(), spec.rollout.steps.size() / environments)?;
+        let rollout_seconds = began.elapsed().as_secs_f64();
+
+        let before = self.progress.env_steps;
+        self.progress.iteration += 1;
+        self.progress.env_steps += collected.batch.len() as u64;
+        let iteration = self.progress.iteration;
+        let began = Instant::now();
+        let update = self
+            .algorithm
+            .update(&collected.batch, &mut self.progress.updates)
+            .map_err(|source| TrainError::Algo { iteration, source })?;
+        let update_seconds = began.elapsed().as_secs_f64();
+
+        let after = self.progress.env_steps;
+        let due = |every: u64| before / every < after / every;
+        let ends = after >= spec.budget.env_steps.get();
+        if !ends && due(spec.evaluation.every.get()) {
+            self.evaluate(sink, false)?;
+        }
+        if spec.checkpoint.keep_policy_every.is_some_and(|every| due(every.get())) {
+            sink.policy(after, false, self.algorithm.agent())?;
+        }
+        let mean = |of: fn(&Episode) -> f64| {
+            let n = collected.episodes.len();
+            (n > 0).then(|| collected.episodes.iter().map(of).sum::<f64>() / n as f64)
+        };
+        let row = Iteration {
+            iteration,
+            env_steps: after,
+            episodes: collected.episodes.len() as u64,
+            dense_return: mean(|episode| episode.dense_return),
+            training_return: mean(|episode| episode.training_return),
+            episode_length: mean(|episode| episode.length as f64),
+            update,
+            physics_seconds: collected.physics.as_secs_f64(),
+            rollout_seconds,
+            update_seconds,
+        };
+        Ok(sink.iteration(&row, &|| self.save())?)
+    }
+
+    fn evaluate(&mut self, sink: &mut dyn RunSink, last: bool) -> Result<(), TrainError> {
+        let evaluation = &self.spec.evaluation;
+        let count = if last { evaluation.final_episodes } else { evaluation.episodes }.get();
+        let index = self.progress.evaluations;
+        self.progress.evaluations += 1;
+        let actor = &mut Actor::MeanAction(self.algorithm.agent());
+        let (seed, env_steps) = (self.spec.seed, self.progress.env_steps);
+        let episodes = evaluate::evaluation(actor, &mut self.evaluation_tasks, seed, index, env_steps, count, last)?;
+        Ok(sink.evaluation(&episodes)?)
+    }
+
+    fn save(&self) -> Vec<u8> {
+        let saved =
+            Saved { progress: self.progress.clone(), algorithm: self.algorithm.save(), rollout: self.rollout.save() };
+        postcard::to_stdvec(&saved).expect("numbers and vectors always serialise")
+    }
+
+    fn restore(&mut self, bytes: &[u8]) -> Result<(), TrainError> {
+        let saved: Saved = postcard::from_bytes(bytes).map_err(|error| TrainError::Checkpoint(error.to_string()))?;
+        self.algorithm.restore(&saved.algorithm).map_err(|error| TrainError::Checkpoint(error.to_string()))?;
+        self.rollout.restore(saved.rollout)?;
+        self.progress = saved.progress;
+        Ok(())
+    }
+}

@@ -1,0 +1,189 @@
+//! Every file of `mistakes/` is refused, with all of its mistakes at their line and column.
+
+use std::{fs, path::Path};
+
+use mcpo_run::spec::{self, Overrides, Place, SpecErrors};
+use proptest::prelude::*;
+
+use super::{LEAST, parse};
+
+/// Line, column, a piece of the message, and a piece of what stands at the caret.
+type Told = (usize, usize, &'static str, &'static str);
+
+const MISTAKES: &[(&str, &[Told])] = &[
+    ("axis_given_twice", &[(11, 1, "the axes `d` and `mcpo.d` are the same", "")]),
+    ("axis_that_is_no_list", &[(10, 5, "the axis `d` cannot be", "expected a list")]),
+    (
+        "axis_that_no_algorithm_has",
+        &[(10, 1, "no algorithm of this block has `d`: it runs `ppo`", "nearest known axis")],
+    ),
+    ("axis_value_of_wrong_type", &[(10, 12, "\"small\"", "expected a number")]),
+    ("axis_value_out_of_range", &[(10, 12, "0 is out of range", "above 0")]),
+    ("axis_without_quotes", &[(10, 1, "unknown axis `mcpo`", "`\"mcpo.max_kl\" = [...]`")]),
+    ("bad_syntax", &[(4, 13, "a value is missing", "expected a value"), (10, 20, "unclosed array", "expected `]`")]),
+    ("budget_below_one_rollout", &[(4, 13, "1000 is smaller than one rollout", "at least one rollout")]),
+    ("duplicate_key", &[(5, 1, "duplicate key", "")]),
+    ("empty_list", &[(7, 13, "the list of `seed` is empty", "")]),
+    ("environment_twice", &[(8, 29, "lists InvertedPendulum-v2 twice", "")]),
+    ("extends_a_missing_file", &[(1, 11, "not_there.toml: there is no such file", "")]),
+    ("extends_itself", &[(1, 11, "extends itself", "")]),
+    ("figure_of_an_unknown_column", &[(14, 10, "unknown y `retrun`", "`return`")]),
+    ("figure_of_an_unknown_series", &[(15, 11, "unknown axis `epsilom`", "`epsilon`")]),
+    (
+        "figure_of_unknown_runs",
+        &[(16, 8, "unknown env `Hoper-v2` in a selection; the nearest known one is `Hopper-v2`", "")],
+    ),
+    ("figure_with_an_unknown_key", &[(16, 1, "unknown key `logy`", "`log_y`")]),
+    ("figure_without_y", &[(11, 1, "this figure has no `y`", "")]),
+    ("hidden_name", &[(1, 8, "`.broken` cannot name a file", "the first no `.`")]),
+    (
+        "many_mistakes",
+        &[
+            (4, 13, "`budget.env_steps`: -5 is out of range", "1 or above"),
+            (7, 17, "a seed cannot be a string", "a whole number"),
+            (9, 22, "unknown algorithm `pp`", "`ppo`"),
+            (10, 17, "`epsilon`: -1 is out of range", "0 or above"),
+            (13, 1, "unknown key `max_klp` of `mcpo`", "`max_kl`"),
+            (14, 11, "`damping`: the string \"high\"", "expected a number"),
+            (17, 16, "`rollout.environments`: 0 is out of range", "1 or above"),
+            (19, 15, "unknown environment `Ant-v3`", "`Ant-v2`"),
+        ],
+    ),
+    ("matrix_that_is_a_table", &[(6, 1, "`matrix` cannot be a table", "each headed `[[matrix]]`")]),
+    ("minibatch_above_the_rollout", &[(12, 9, "minibatch 1024 is larger than the rollout", "no larger")]),
+    ("missing_budget", &[(1, 1, "no budget.env_steps for Hopper-v2", "`[budget]`")]),
+    ("missing_matrix", &[(1, 1, "`matrix` is missing", "`[[matrix]]`")]),
+    ("missing_name", &[(1, 1, "`name` is missing", "`name = \"...\"`")]),
+    ("missing_seed", &[(6, 1, "this block has no `seed`", "`seed = [...]`")]),
+    ("name_that_leads_outside", &[(1, 8, "`../broken` cannot name a file", "expected letters")]),
+    ("negative_budget", &[(4, 13, "-100000 is out of range", "a whole number, 1 or above")]),
+    ("negative_seed", &[(7, 17, "the seed -1 is out of range", "0 or above")]),
+    ("number_with_a_point", &[(4, 13, "100000.0 does not belong here", "such as 100000")]),
+    ("out_of_range", &[(12, 12, "`discount`: 1 is out of range", "from 0 to below 1")]),
+    ("out_of_range_inside_a_choice", &[(12, 35, "-1 is out of range", "above 0")]),
+    ("reward_of_another_environment", &[(12, 10, "`sparse1` is no reward", "`dense` or `sparse2`")]),
+    ("rollout_that_does_not_divide", &[(12, 9, "4096 cannot be shared among rollout.environments 7", "a multiple")]),
+    ("seed_twice", &[(7, 20, "`seed` lists 0 twice", "")]),
+    ("table_name_that_leads_outside", &[(12, 11, "`a/b` cannot name a file", "expected letters")]),
+    ("table_with_an_unknown_reference", &[(16, 13, "unknown reference `tabel5`", "`table5`")]),
+    ("two_figures_of_one_name", &[(18, 10, "two figures are called `figure`", "")]),
+    ("unknown_algorithm", &[(9, 14, "unknown algorithm `mcp`", "`mcpo`")]),
+    ("unknown_algorithm_table", &[(11, 13, "unknown algorithm `pppo`", "`ppo`")]),
+    ("unknown_block_key", &[(10, 1, "unknown axis `sed`", "`seed`")]),
+    (
+        "unknown_enum_value",
+        &[(12, 11, "unknown name `demo_state`; known are `demo_states` and `rollout`", "`demo_states`")],
+    ),
+    ("unknown_environment", &[(8, 14, "unknown environment `Hoper-v2`", "`Hopper-v2`")]),
+    ("unknown_environment_key", &[(12, 1, "unknown key `rewards` of Hopper-v2", "`reward`")]),
+    ("unknown_environment_table", &[(11, 15, "unknown environment `HalfCheeta-v2`", "`HalfCheetah-v2`")]),
+    ("unknown_hyperparameter", &[(12, 1, "unknown key `max_klp` of `mcpo`", "`max_kl`")]),
+    ("unknown_nested_hyperparameter", &[(12, 1, "unknown key `sample` in `mmd`", "`samples`")]),
+    ("unknown_reward", &[(12, 12, "unknown name `sparse4`", "`sparse1`")]),
+    ("unknown_reward_field", &[(12, 24, "unknown key `distanc`; known are `distance` and `mode`", "`distance`")]),
+    ("unknown_root_key", &[(3, 2, "unknown key `bugdet`", "`budget`")]),
+    ("unknown_section_key", &[(4, 1, "unknown key `env_step` in `budget`", "`env_steps`")]),
+    ("wrong_type", &[(4, 13, "`budget.env_steps`: the string \"many\"", "a whole number")]),
+];
+
+/// Mistakes that stand in a file that the fixture extends.
+const EXTENDED: &[(&str, &str, Told)] = &[
+    ("extends_in_a_circle", "circle.base", (1, 11, "extends itself", "")),
+    ("mistake_in_what_it_extends", "mistaken.base", (3, 1, "unknown key `episode` in `evaluation`", "`episodes`")),
+];
+
+fn refused(name: &str) -> SpecErrors {
+    let path = Path::new("tests/spec/mistakes").join(name).with_extension("toml");
+    match spec::load(&path, &Overrides::default()) {
+        Ok(_) => panic!("{} was accepted", path.display()),
+        Err(errors) => errors,
+    }
+}
+
+fn assert_told(name: &str, errors: &SpecErrors, told: &[Told]) {
+    assert_eq!(errors.iter().count(), told.len(), "{name}: {errors}");
+    for (error, (line, column, message, label)) in errors.iter().zip(told) {
+        assert_eq!((error.line(), error.column()), (Some(*line), Some(*column)), "{name}: {errors}");
+        assert!(error.message.contains(message), "{name}: not {message:?}: {errors}");
+        assert!(error.label.as_deref().unwrap_or_default().contains(label), "{name}: not {label:?}: {errors}");
+    }
+}
+
+#[test]
+fn every_mistake_is_told_at_its_line_and_column() {
+    for (name, told) in MISTAKES {
+        assert_told(name, &refused(name), told);
+    }
+    for (name, file, told) in EXTENDED {
+        let errors = refused(name);
+        assert_told(name, &errors, &[*told]);
+        let blamed =
+            errors.iter().all(|error| matches!(&error.place, Place::File { path, .. } if path.ends_with(file)));
+        assert!(blamed, "{errors}");
+    }
+}
+
+#[test]
+fn every_fixture_is_asserted() {
+    let asserted: Vec<&str> =
+        MISTAKES.iter().map(|(name, _)| *name).chain(EXTENDED.iter().map(|(name, ..)| *name)).collect();
+    for entry in fs::read_dir("tests/spec/mistakes").expect("the folder is there") {
+        let path = entry.expect("its entries can be read").path();
+        if path.extension().is_some_and(|extension| extension == "toml") {
+            let name = path.file_stem().expect("a file has a name").to_string_lossy();
+            assert!(asserted.contains(&name.as_ref()), "{name}");
+        }
+    }
+}
+
+#[test]
+fn a_file_that_is_not_there_is_named() {
+    let errors = spec::load(Path::new("no/such/file.toml"), &Overrides::default()).expect_err("it is not there");
+    assert_eq!(errors.to_string().trim(), "x no/such/file.toml: there is no such file");
+}
+
+#[test]
+fn the_plain_rendering_shows_file_line_text_and_caret() {
+    let expected = "  x unknown key `max_klp` of `mcpo`
+    ,-[tests/spec/mistakes/unknown_hyperparameter.toml:12:1]
+ 11 | [algorithms.mcpo]
+ 12 | max_klp = 5e-3
+    : ^^^|^^^
+    :    `-- the nearest known key is `max_kl`
+    `----
+";
+    let errors = refused("unknown_hyperparameter");
+    assert_eq!(errors.render(false), expected);
+    assert!(errors.render(true).contains("╰──"), "a terminal gets box drawing");
+}
+
+#[test]
+fn a_matrix_of_too_many_runs_is_refused_at_once() {
+    let values = |count: usize| (1..=count).map(|value| value.to_string()).collect::<Vec<_>>().join(",");
+    let text =
+        format!("{LEAST}d = [{0}]\nepsilon = [{0}]\n\"mcpo.damping\" = [{0}]\n\"mcpo.max_kl\" = [{0}]\n", values(300));
+    let errors = parse(&text).expect_err("a slip of the pen");
+    assert!(errors.iter().any(|error| error.message.contains("are the most")), "{errors}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// Whatever is cut from or pasted into a valid file, there is an answer, and every place lies in the file.
+    #[test]
+    fn no_text_makes_the_reader_panic(
+        cut in 0_usize..1000,
+        length in 0_usize..40,
+        paste in "[\\[\\]={}\"'.,#a-z0-9_\\-\n \u{e9}\u{0}]{0,12}",
+    ) {
+        let text: Vec<char> = format!("{LEAST}d = [1e-3]\n[algorithms.mcpo]\nmmd = {{ samples = \"rollout\" }}\n").chars().collect();
+        let start = cut % text.len();
+        let end = (start + length).min(text.len());
+        let broken: String = text[..start].iter().copied().chain(paste.chars()).chain(text[end..].iter().copied()).collect();
+        if let Err(errors) = parse(&broken) {
+            prop_assert!(!errors.render(true).is_empty());
+            let lines = broken.lines().count() + 1;
+            prop_assert!(errors.iter().all(|error| error.line().is_none_or(|line| line <= lines)));
+        }
+    }
+}
