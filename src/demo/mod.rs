@@ -178,7 +178,7 @@ pub enum DemoError {
         reason: String,
     },
     /// The environment failed while it was replayed.
-    #[error("cannot replay the demonstration {}", path.display())]
+    #[error("cannot replay the demonstration {}: {source}", path.display())]
     Environment {
         /// The file.
         path: PathBuf,
