@@ -3,6 +3,7 @@
 //! Owns the Parquet format, import, verification by re-simulation, the Gaussian kernel and the MMD. Knows nothing of
 //! networks or updates. Start at [`Demonstration`] and [`mmd`].
 
+pub mod import;
 mod kernel;
 pub mod mmd;
 mod pairs;
@@ -177,7 +178,7 @@ pub enum DemoError {
         reason: String,
     },
     /// The environment failed while it was replayed.
-    #[error("cannot replay the demonstration {}", path.display())]
+    #[error("cannot replay the demonstration {}: {source}", path.display())]
     Environment {
         /// The file.
         path: PathBuf,

@@ -54,7 +54,7 @@ fn columns_that_are_missing_or_wrong_are_named() {
     let message = refusal(|columns| replace(columns, Column::new("observation".into(), [1.0; 6])));
     assert!(message.contains("`observation` holds f64; expected a list of f64"), "{message}");
     let message = refusal(|columns| replace(columns, Column::new("reward".into(), ["a"; 6])));
-    assert!(message.contains("`reward` holds str; expected f64"), "{message}");
+    assert!(message.contains("`reward` holds text or bytes; expected f64"), "{message}");
     let message = refusal(|columns| replace(columns, Column::new("step".into(), [0.5; 6])));
     assert!(message.contains("`step` holds f64; expected a whole number"), "{message}");
     let message = refusal(|columns| replace(columns, Column::new("truncated".into(), [0i64; 6])));
@@ -80,7 +80,7 @@ fn values_that_are_missing_ragged_or_not_finite_are_refused() {
         }
     }
     let message = refusal(|columns| replace(columns, lists("action", [&[]; 6])));
-    assert!(message.contains("no numbers"), "{message}");
+    assert!(message.contains("`action` has gaps or empty lists"), "{message}");
     let message = refusal(|columns| columns.iter_mut().for_each(|column| *column = column.head(Some(0))));
     assert!(message.contains("no steps"), "{message}");
 }
@@ -118,6 +118,45 @@ fn what_is_no_file_or_no_parquet_is_refused() {
     fs::remove_file(&path).expect("removed");
     fs::create_dir(&path).expect("a folder");
     refused("a folder");
+}
+
+#[test]
+fn damaged_files_never_panic() {
+    let folder = TempDir::new().expect("a temporary folder");
+    let path = folder.path().join("demo.parquet");
+    example().write(&path).expect("written");
+    let pyarrow = include_bytes!("../../tests/reference/pyarrow_v2_zstd.parquet");
+    for whole in [fs::read(&path).expect("read"), pyarrow.to_vec()] {
+        for length in (0..whole.len()).step_by(5) {
+            assert!(parquet::from_bytes(whole[..length].to_vec()).is_err(), "{length} of {} bytes", whole.len());
+        }
+        let mut refused = 0;
+        for place in (0..whole.len()).step_by(2) {
+            let mut bytes = whole.clone();
+            bytes[place] ^= [0x01, 0x10, 0x80, 0xff][place / 2 % 4];
+            refused += usize::from(parquet::from_bytes(bytes).is_err());
+        }
+        assert!(refused > whole.len() / 8, "{refused} of {}", whole.len() / 2);
+    }
+}
+
+#[test]
+fn what_pyarrow_writes_is_read() {
+    // Written by tests/reference/parquet.py: dictionary or plain, pages of both versions, three compressions.
+    for bytes in [
+        &include_bytes!("../../tests/reference/pyarrow_snappy.parquet")[..],
+        include_bytes!("../../tests/reference/pyarrow_v2_zstd.parquet"),
+        include_bytes!("../../tests/reference/pyarrow_plain_gzip.parquet"),
+    ] {
+        let read = parquet::from_bytes(bytes.to_vec()).expect("it is read");
+        assert_eq!(read.observations, DMatrix::from_fn(4, 40, |i, j| (j / 3) as f64 + 0.25 * i as f64));
+        assert_eq!(read.actions, DMatrix::from_fn(2, 40, |i, j| (j as f64 + 1.0) / (i as f64 + 3.0)));
+        assert_eq!(read.rewards, Some((0..40).map(|j| f64::from(j % 2)).collect()));
+        assert_eq!(read.episode_starts, [0, 25]);
+        assert_eq!(read.terminated, (0..40).map(|j| j == 24).collect::<Vec<_>>());
+        assert_eq!(read.truncated, (0..40).map(|j| j == 39).collect::<Vec<_>>());
+        assert_eq!((read.poses, read.provenance), (None, vec![("env".into(), "none".into())]));
+    }
 }
 
 #[test]

@@ -1,0 +1,46 @@
+//! `mcpo-run demo import FILE --env ENV --out DEMO.parquet`.
+
+use std::{path::PathBuf, process::ExitCode};
+
+use super::{super::print, size, summary};
+use crate::{
+    demo::import::{Imported, import, recomputed_returns},
+    env::EnvId,
+};
+
+/// Which file, of which environment, and where to.
+#[derive(Debug, clap::Args)]
+pub struct ImportArguments {
+    /// The file: a pickle of the authors' code, Parquet, or .npz
+    file: PathBuf,
+    /// The environment, such as Hopper-v2
+    #[arg(long, value_name = "ENV")]
+    env: EnvId,
+    /// The demonstration to write
+    #[arg(long, value_name = "DEMO.parquet")]
+    out: PathBuf,
+}
+
+/// Imports the file, and prints what it holds and what was lost.
+pub fn run(arguments: &ImportArguments) -> anyhow::Result<ExitCode> {
+    let (path, env) = (&arguments.file, arguments.env);
+    let Imported { mut demonstration, losses } = import(path, env)?;
+    let recomputed = recomputed_returns(&demonstration, path, env)?;
+    let recorded = demonstration.returns();
+    let earned: f64 = recorded.as_ref().unwrap_or(&recomputed).iter().sum();
+    let mean = earned / demonstration.episode_starts.len() as f64;
+    demonstration.provenance.retain(|(key, _)| key != "return");
+    demonstration.provenance.push(("return".into(), mean.to_string()));
+    demonstration.write(&arguments.out)?;
+    let mut text = format!("{} of {env}: {}\n", path.display(), size(&demonstration));
+    if let Some(returns) = recorded {
+        text += &format!("return, as recorded: {}\n", summary(&returns));
+    }
+    text += &format!("return, from observations and actions: {}\n", summary(&recomputed));
+    for loss in losses {
+        text += &format!("lost: {loss}\n");
+    }
+    text += &format!("written to {}\n", arguments.out.display());
+    print(&text)?;
+    Ok(ExitCode::SUCCESS)
+}

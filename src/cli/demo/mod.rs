@@ -1,0 +1,63 @@
+//! `mcpo-run demo collect|import|verify|show`.
+
+mod import;
+mod show;
+mod verify;
+
+use std::process::ExitCode;
+
+use crate::demo::Demonstration;
+
+/// What to do with demonstrations.
+#[derive(Debug, clap::Subcommand)]
+pub enum DemoCommand {
+    /// Read a demonstration from elsewhere and write it in this program's format
+    ///
+    /// The file may be a pickle of the authors' code (compressed by bzip2 or not), Parquet, or .npz with arrays such as
+    /// observations and actions. Prints its length, its return as far as observations and actions tell, and what was
+    /// lost. Nothing that the file says is run.
+    Import(import::ImportArguments),
+    /// Replay a demonstration and compare
+    ///
+    /// Puts the environment into each episode's first pose, takes the recorded actions, and prints the greatest
+    /// deviations of observation, reward and end. Exits with 4 where one is over the tolerance.
+    Verify(verify::VerifyArguments),
+    /// Print a demonstration's facts, and draw its returns and actions
+    Show(show::ShowArguments),
+}
+
+/// Does it.
+pub fn run(command: DemoCommand) -> anyhow::Result<ExitCode> {
+    match command {
+        DemoCommand::Import(arguments) => import::run(&arguments),
+        DemoCommand::Verify(arguments) => verify::run(&arguments),
+        DemoCommand::Show(arguments) => show::run(&arguments),
+    }
+}
+
+/// `3 episodes, 1200 steps; observations of 11 numbers, actions of 3`.
+fn size(demonstration: &Demonstration) -> String {
+    let episodes = demonstration.episode_starts.len();
+    format!(
+        "{}, {}; observations of {}, actions of {}",
+        counted(episodes, "episode"),
+        counted(demonstration.len(), "step"),
+        counted(demonstration.observations.nrows(), "number"),
+        counted(demonstration.actions.nrows(), "number"),
+    )
+}
+
+/// `1 episode`, `2 episodes`.
+fn counted(n: usize, what: &str) -> String {
+    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
+}
+
+/// The numbers of a few episodes, or what many are like.
+fn summary(values: &[f64]) -> String {
+    if values.len() <= 5 {
+        return values.iter().map(|value| format!("{value:.4}")).collect::<Vec<_>>().join(", ");
+    }
+    let (least, most) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &x| (a.min(x), b.max(x)));
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    format!("{mean:.4} in the mean, from {least:.4} to {most:.4}")
+}

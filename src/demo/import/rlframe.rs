@@ -1,0 +1,130 @@
+//! The files that the paper's authors published with their later code (github.com/id9502/RLFrame).
+//!
+//! A dictionary with `trajectory`, a list of episodes, each a list of steps with `s` and `a`; and with `filter state
+//! dict`. Actions are raw; states went through the demonstrator's own filter, `clip((x - mean) / std, -5, 5)`, which is
+//! undone with the mean, sum of squared errors and count that the file keeps. What was clipped stays at the clip.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::{
+    Imported, infer_ends,
+    pickle::{Object, Pickle},
+};
+use crate::{demo::Demonstration, env::EnvId};
+
+/// Where the demonstrator's filter clipped.
+const CLIP: f64 = 5.0;
+
+/// What `bytes`, a pickle, hold; and which environment they say it is of.
+pub(super) fn read(bytes: &[u8], env: EnvId) -> Result<(Imported, Option<EnvId>), String> {
+    let pickle = Pickle::read(bytes)?;
+    let root = pickle.root();
+    let Some(Object::List(episodes)) = pickle.entry(root, "trajectory") else {
+        return Err("the pickle has no list `trajectory`".into());
+    };
+    let (mut states, mut actions, mut episode_starts) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut state_dim, mut action_dim, mut ignored) = (None, None, Vec::new());
+    let mut n = 0;
+    for (e, &episode) in episodes.iter().enumerate() {
+        let Object::List(steps) = pickle.get(episode) else {
+            return Err(format!("episode {e} of the pickle's `trajectory` is no list"));
+        };
+        if steps.is_empty() {
+            continue;
+        }
+        episode_starts.push(n);
+        for (i, &step) in steps.iter().enumerate() {
+            let step = pickle.get(step);
+            let Object::Dict(entries) = step else {
+                return Err(format!("step {i} of episode {e} in the pickle is no dictionary"));
+            };
+            for (key, numbers, dim) in [("s", &mut states, &mut state_dim), ("a", &mut actions, &mut action_dim)] {
+                let found = pickle.entry(step, key).and_then(|object| pickle.numbers(object));
+                let found = found.ok_or_else(|| format!("step {i} of episode {e} has no array of numbers `{key}`"))?;
+                let dim = *dim.get_or_insert(found.len());
+                if found.len() != dim {
+                    return Err(format!(
+                        "`{key}` in step {i} of episode {e} has {} numbers; {dim} before",
+                        found.len()
+                    ));
+                }
+                numbers.extend(found);
+            }
+            for &(key, _) in entries {
+                if let Object::Text(key) = pickle.get(key)
+                    && !["s", "a"].contains(key)
+                    && !ignored.contains(key)
+                {
+                    ignored.push(*key);
+                }
+            }
+            n += 1;
+        }
+    }
+    let mut losses = Vec::new();
+    let mut observations = DMatrix::from_vec(state_dim.unwrap_or(0), n, states);
+    match pickle.entry(root, "filter state dict") {
+        Some(filter) => unfilter(&pickle, filter, &mut observations, &mut losses)?,
+        None => losses.push("the file has no filter; its states are taken as raw".into()),
+    }
+    if !ignored.is_empty() {
+        losses.push(format!("steps hold more than states and actions, which is not read: {}", ignored.join(", ")));
+    }
+    let texts = ["env name", "policy", "config", "env config"];
+    let text = |key| match pickle.entry(root, key) {
+        Some(&Object::Text(text)) => Some(text),
+        _ => None,
+    };
+    let provenance = texts.iter().filter_map(|&key| Some((key.replace(' ', "_"), text(key)?.to_owned())));
+    let mut demonstration = Demonstration {
+        observations,
+        actions: DMatrix::from_vec(action_dim.unwrap_or(0), n, actions),
+        rewards: None,
+        episode_starts,
+        terminated: vec![false; n],
+        truncated: vec![false; n],
+        poses: None,
+        provenance: provenance.collect(),
+    };
+    infer_ends(&mut demonstration, env, &mut losses);
+    losses.push("rewards and poses are not recorded".into());
+    let made_for = text("env name").and_then(|name| name.parse().ok());
+    Ok((Imported { demonstration, losses }, made_for))
+}
+
+/// Turns filtered states back into raw ones: `x = s std + mean`, `std = sqrt(errsum / (n - 1))`.
+fn unfilter(
+    pickle: &Pickle<'_>,
+    filter: &Object<'_>,
+    states: &mut DMatrix<f64>,
+    losses: &mut Vec<String>,
+) -> Result<(), String> {
+    let dim = states.nrows();
+    let numbers = |key: &str| {
+        let numbers = pickle.entry(filter, key).and_then(|object| pickle.numbers(object));
+        let numbers = numbers.ok_or_else(|| format!("the pickle's filter has no numbers `{key}`"))?;
+        if numbers.len() == dim {
+            Ok(DVector::from_vec(numbers))
+        } else {
+            Err(format!("`{key}` of the pickle's filter has {} numbers for states of {dim}", numbers.len()))
+        }
+    };
+    let (mean, squared_errors) = (numbers("zfilter mean")?, numbers("zfilter errsum")?);
+    let count = pickle.entry(filter, "zfilter n_step").and_then(|object| pickle.number(object));
+    let count =
+        count.filter(|&count| count > 1.0).ok_or("the pickle's filter has no count `zfilter n_step` above 1")?;
+    let deviation = squared_errors.map(|sum| (sum / (count - 1.0)).sqrt());
+    let clipped = states.iter().filter(|state| state.abs() >= CLIP).count();
+    for mut state in states.column_iter_mut() {
+        state.component_mul_assign(&deviation);
+        state += &mean;
+    }
+    if clipped > 0 {
+        losses.push(format!(
+            "{clipped} of {} numbers in observations ({:.2} %) were clipped at {CLIP} standard deviations and cannot be recovered; they stay there",
+            states.len(),
+            100.0 * clipped as f64 / states.len() as f64
+        ));
+    }
+    Ok(())
+}

@@ -1,0 +1,175 @@
+//! The Parquet format: one row a step.
+//!
+//! | column | type | |
+//! |---|---|---|
+//! | `episode` | i64 | constant within an episode, rising from one to the next |
+//! | `step` | i64 | from 0 within each episode |
+//! | `observation` | list of f64 | raw, before the step |
+//! | `action` | list of f64 | raw, unclamped |
+//! | `reward` | f64 | dense; may be absent |
+//! | `terminated`, `truncated` | bool | true at an episode's last step alone |
+//! | `qpos`, `qvel` | list of f64 | before the step; both or neither |
+//!
+//! Provenance is the file's key-value metadata. Other columns are ignored; a flawed file is an error that says what was
+//! expected.
+//!
+//! polars writes the files but does not read them. It reserves whatever memory a file claims to need, so that one
+//! flipped bit can abort the process, past every handler; and demonstrations are the files that come from strangers. The
+//! reader here knows what writers of such files use (pyarrow, pandas, polars, DuckDB): numbers, truth values and lists of
+//! numbers, plain or by dictionary, in pages of either version.
+
+mod footer;
+mod pages;
+mod table;
+mod thrift;
+
+use std::{fs::File, io::Read, path::Path};
+
+use nalgebra::DMatrix;
+use polars::prelude::{
+    Column, DataFrame, DataType, Float64Type, IntoColumn, KeyValueMetadata, ListBuilderTrait,
+    ListPrimitiveChunkedBuilder, ParquetWriter,
+};
+
+pub(super) use pages::Values;
+pub(super) use table::Table;
+
+use super::{DemoError, Demonstration};
+use crate::env::Pose;
+
+/// The largest file that is read, bytes: ten times 20,000 steps of Ant.
+const MAX_BYTES: u64 = 1 << 30;
+
+impl Demonstration {
+    /// Writes the Parquet file `path`, whole or not at all.
+    ///
+    /// Errors: the folder or the disk refuses, or the fields contradict each other.
+    pub fn write(&self, path: &Path) -> Result<(), DemoError> {
+        let failed = |reason: String| DemoError::Unwritable { path: path.to_owned(), reason };
+        if let Some(flaw) = self.flaw() {
+            return Err(failed(flaw));
+        }
+        let mut frame = self.to_frame().map_err(|error| failed(error.to_string()))?;
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let mut file = tempfile::NamedTempFile::new_in(folder).map_err(|error| failed(error.to_string()))?;
+        ParquetWriter::new(file.as_file_mut())
+            .with_key_value_metadata(Some(KeyValueMetadata::from_static(self.provenance.clone())))
+            .finish(&mut frame)
+            .map_err(|error| failed(error.to_string()))?;
+        file.as_file().sync_all().map_err(|error| failed(error.to_string()))?;
+        file.persist(path).map_err(|error| failed(error.to_string()))?;
+        Ok(())
+    }
+
+    /// Reads the Parquet file `path`.
+    ///
+    /// Errors: it is missing, larger than 1 GiB, no Parquet, damaged, or not in this format: a column is missing or has
+    /// another type, rows differ in length, a number is not finite, episodes are torn apart.
+    pub fn read(path: &Path) -> Result<Self, DemoError> {
+        let failed = |reason: String| DemoError::Unreadable { path: path.to_owned(), reason };
+        let bytes = read_bounded(path).map_err(failed)?;
+        from_bytes(bytes).map_err(failed)
+    }
+
+    /// One row a step.
+    pub(super) fn to_frame(&self) -> Result<DataFrame, polars::error::PolarsError> {
+        let (mut episodes, mut steps) = (Vec::with_capacity(self.len()), Vec::with_capacity(self.len()));
+        for (episode, range) in self.episodes().enumerate() {
+            episodes.extend(range.clone().map(|_| episode as i64));
+            steps.extend((0..range.len()).map(|step| step as i64));
+        }
+        let rows = |matrix: &DMatrix<f64>, name: &str| {
+            lists(name, matrix.nrows(), self.len(), matrix.as_slice().chunks_exact(matrix.nrows()))
+        };
+        let mut columns = vec![
+            Column::new("episode".into(), episodes),
+            Column::new("step".into(), steps),
+            rows(&self.observations, "observation"),
+            rows(&self.actions, "action"),
+        ];
+        if let Some(rewards) = &self.rewards {
+            columns.push(Column::new("reward".into(), rewards));
+        }
+        columns.push(Column::new("terminated".into(), &self.terminated));
+        columns.push(Column::new("truncated".into(), &self.truncated));
+        if let Some(poses) = &self.poses {
+            let (nq, nv) = (poses[0].qpos.len(), poses[0].qvel.len());
+            columns.push(lists("qpos", nq, self.len(), poses.iter().map(|pose| pose.qpos.as_slice())));
+            columns.push(lists("qvel", nv, self.len(), poses.iter().map(|pose| pose.qvel.as_slice())));
+        }
+        DataFrame::new(self.len(), columns)
+    }
+}
+
+/// A column of `n` lists of `width` numbers.
+fn lists<'a>(name: &str, width: usize, n: usize, rows: impl Iterator<Item = &'a [f64]>) -> Column {
+    let mut builder = ListPrimitiveChunkedBuilder::<Float64Type>::new(name.into(), n, n * width, DataType::Float64);
+    rows.for_each(|row| builder.append_slice(row));
+    builder.finish().into_column()
+}
+
+/// The whole file, if it is not too large.
+pub(super) fn read_bounded(path: &Path) -> Result<Vec<u8>, String> {
+    let file = File::open(path).map_err(|error| error.to_string())?;
+    let mut bytes = Vec::new();
+    file.take(MAX_BYTES + 1).read_to_end(&mut bytes).map_err(|error| error.to_string())?;
+    if bytes.len() as u64 > MAX_BYTES {
+        return Err(format!("it is larger than {} MiB", MAX_BYTES >> 20));
+    }
+    Ok(bytes)
+}
+
+/// The demonstration that a file holds.
+pub(super) fn from_bytes(file: Vec<u8>) -> Result<Demonstration, String> {
+    let table = Table::new(file)?;
+    if table.rows() == 0 {
+        return Err("it has no steps".into());
+    }
+    let demonstration = Demonstration {
+        observations: table.lists("observation")?,
+        actions: table.lists("action")?,
+        rewards: if table.has("reward") { Some(table.numbers("reward")?) } else { None },
+        episode_starts: episode_starts(&table.whole_numbers("episode")?, &table.whole_numbers("step")?)?,
+        terminated: table.flags("terminated")?,
+        truncated: table.flags("truncated")?,
+        poses: poses(&table)?,
+        provenance: table.notes(),
+    };
+    match demonstration.flaw() {
+        Some(flaw) => Err(flaw),
+        None => Ok(demonstration),
+    }
+}
+
+/// Where episodes start: where `steps` is 0 and `episodes` rises.
+fn episode_starts(episodes: &[i64], steps: &[i64]) -> Result<Vec<usize>, String> {
+    let mut starts = Vec::new();
+    for (row, (&episode, &step)) in episodes.iter().zip(steps).enumerate() {
+        let before = row.checked_sub(1).map(|before| (episodes[before], steps[before]));
+        let expected = match before {
+            Some((before, _)) if before > episode => {
+                let torn = format!("episode {episode} comes after episode {before} in row {row}");
+                return Err(format!("{torn}; episodes must be whole and in order"));
+            }
+            Some((before, step)) if before == episode => step + 1,
+            _ => 0,
+        };
+        if step != expected {
+            return Err(format!("row {row} is step {step} of episode {episode}; expected step {expected}"));
+        }
+        if step == 0 {
+            starts.push(row);
+        }
+    }
+    Ok(starts)
+}
+
+/// The poses, if they were recorded.
+fn poses(table: &Table) -> Result<Option<Vec<Pose>>, String> {
+    if !table.has("qpos") && !table.has("qvel") {
+        return Ok(None);
+    }
+    let (qpos, qvel) = (table.lists("qpos")?, table.lists("qvel")?);
+    let rows = qpos.column_iter().zip(qvel.column_iter());
+    Ok(Some(rows.map(|(q, v)| Pose { qpos: q.as_slice().to_vec(), qvel: v.as_slice().to_vec() }).collect()))
+}
