@@ -280,3 +280,6 @@ impl Campaign<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

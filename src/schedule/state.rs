@@ -95,3 +95,44 @@ impl Planned {
         Some(RunState::Differs { keys })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+    use crate::{quantity::constant, schedule::tests::planned};
+
+    #[test]
+    fn what_was_another_run_is_told_by_the_keys_that_differ() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let mut run = planned(folder.path(), "e", 0);
+        run.paths.open().expect("made");
+        run.paths.close(&Manifest { outcome: Outcome::Finished, ..Manifest::new(run.stamp.clone()) }).expect("closed");
+        assert!(matches!(run.state(), Ok(RunState::Finished(_))));
+        run.spec.budget.env_steps = constant(2048);
+        run.stamp.fingerprint = "another".to_owned();
+        let Ok(RunState::Differs { keys }) = run.state() else { panic!("{:?}", run.state()) };
+        assert_eq!(keys, ["budget.env_steps: 1024 -> 2048"]);
+    }
+
+    #[test]
+    fn an_interrupted_run_is_known_by_its_checkpoint_and_a_damaged_one_is_told() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let run = planned(folder.path(), "e", 0);
+        assert_eq!(run.state().ok(), Some(RunState::ToDo));
+        run.paths.open().expect("made");
+        assert_eq!(run.state().ok(), Some(RunState::ToDo));
+        let path = RunPaths::checkpoint(&run.paths.partial);
+        let checkpoint =
+            Checkpoint { iterations: vec![crate::record::rows::tests::iteration(2)], ..Checkpoint::default() };
+        checkpoint.write(&path, &run.stamp.fingerprint).expect("written");
+        assert_eq!(run.state().ok(), Some(RunState::Interrupted { env_steps: 200 }));
+        let claim = Claim::take(&run.paths).expect("made").expect("free");
+        assert_eq!(run.state().ok(), Some(RunState::Running(None)));
+        drop(claim);
+        fs::write(&path, "mcpo-run checkpoint 99\n").expect("written");
+        let Ok(RunState::Unusable { reason }) = run.state() else { panic!("{:?}", run.state()) };
+        assert!(reason.contains("version 99"), "{reason}");
+    }
+}

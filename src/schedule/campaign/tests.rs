@@ -1,0 +1,193 @@
+use std::{collections::HashMap, io};
+
+use super::*;
+use crate::{
+    quantity::constant,
+    schedule::{progress::Style, tests::planned},
+};
+
+/// What one life of a job tells; a life without an end hangs.
+type Life = Vec<Message>;
+
+/// Jobs that tell what a test wrote down, life after life.
+#[derive(Default)]
+struct Script {
+    lives: HashMap<usize, VecDeque<Life>>,
+    told: VecDeque<(usize, Message)>,
+    running: Vec<usize>,
+    started: Vec<usize>,
+    most: usize,
+    stopped: Vec<usize>,
+    /// Asks for a stop when so many jobs have been started.
+    stop_at: Option<(usize, StopRequest)>,
+}
+
+impl Script {
+    fn exit(&mut self, number: usize, event: Option<Event>, how: &str) {
+        self.told.extend(event.map(|event| (number, Message::Event(event))));
+        self.told.push_back((number, exited(how)));
+    }
+}
+
+impl Executor for Script {
+    fn start(&mut self, number: usize, job: &Job) -> io::Result<()> {
+        assert!(job.stamp.fingerprint.ends_with(&number.to_string()), "another run's job");
+        self.started.push(number);
+        self.running.push(number);
+        self.most = self.most.max(self.running.len());
+        let life = self.lives.get_mut(&number).and_then(VecDeque::pop_front);
+        self.told.extend(life.unwrap_or_else(|| finishes(5.0)).into_iter().map(|message| (number, message)));
+        if let Some((_, stop)) = self.stop_at.as_ref().filter(|(count, _)| *count == self.started.len()) {
+            stop.make();
+        }
+        Ok(())
+    }
+
+    fn wait(&mut self, timeout: Duration) -> Option<(usize, Message)> {
+        let message = self.told.pop_front();
+        match &message {
+            Some((number, Message::Exited { .. })) => self.running.retain(|running| running != number),
+            Some(_) => {}
+            None => std::thread::sleep(timeout.min(Duration::from_millis(5))),
+        }
+        message
+    }
+
+    fn stop(&mut self, number: usize) {
+        self.stopped.push(number);
+        self.told.retain(|(other, _)| *other != number);
+        self.exit(number, Some(Event::Stopped), "exit code 130");
+    }
+
+    fn kill(&mut self, number: usize) {
+        self.exit(number, None, "killed by signal 9 (SIGKILL)");
+    }
+}
+
+fn exited(how: &str) -> Message {
+    Message::Exited { how: how.to_owned(), stderr: vec!["said".to_owned()] }
+}
+
+fn began() -> Message {
+    Message::Event(Event::Began { from_env_steps: 0 })
+}
+
+fn finishes(dense_return: f64) -> Life {
+    let evaluation = Event::Evaluation { env_steps: 1024, dense_return, last: true };
+    vec![began(), Message::Event(evaluation), Message::Event(Event::Finished), exited("exit code 0")]
+}
+
+fn crashes() -> Life {
+    vec![began(), exited("killed by signal 6 (SIGABRT)")]
+}
+
+const OPTIONS: Options =
+    Options { jobs: 2, retries: 0, fail_fast: false, hang_timeout: Duration::from_secs(60), verbose: false };
+
+/// Runs `count` runs by the script in a folder of their own, and gives what became of them.
+fn play(script: &mut Script, options: Options, count: u64) -> (Summary, Vec<Planned>, tempfile::TempDir) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let due: Vec<Planned> = (0..count).map(|seed| planned(folder.path(), "e", seed)).collect();
+    let stop = script.stop_at.as_ref().map_or_else(StopRequest::default, |(_, stop)| stop.clone());
+    let mut progress = Progress::new(Style::Quiet, false, due.len(), 1.0);
+    let summary = run(&due, folder.path(), options, &CostModel::default(), script, &stop, &mut progress);
+    (summary, due, folder)
+}
+
+#[test]
+fn a_run_that_dies_is_recorded_and_the_others_go_on() {
+    let mut script = Script::default();
+    script.lives.insert(1, [crashes()].into());
+    let (summary, due, _folder) = play(&mut script, OPTIONS, 4);
+    assert_eq!((summary.finished, summary.failed.len(), summary.left), (3, 1, 0));
+    assert_eq!(summary.failed[0].0, due[1].spec.id);
+    let Ok(RunState::Failed(manifest)) = due[1].state() else { panic!("{:?}", due[1].state()) };
+    let error = manifest.error().expect("an error");
+    assert!(error.contains("SIGABRT") && error.contains("said"), "{error}");
+}
+
+#[test]
+fn a_run_is_tried_again_as_often_as_wanted_and_no_more() {
+    let mut script = Script::default();
+    script.lives.insert(0, [crashes(), crashes(), finishes(1.0)].into());
+    script.lives.insert(1, [crashes(), crashes(), crashes()].into());
+    let (summary, due, _folder) = play(&mut script, Options { retries: 2, ..OPTIONS }, 2);
+    assert_eq!((summary.finished, summary.failed.len()), (1, 1));
+    assert_eq!(script.started.iter().filter(|&&number| number == 0).count(), 3);
+    assert_eq!(script.started.iter().filter(|&&number| number == 1).count(), 3);
+    assert_eq!(due[1].state().map(|state| matches!(state, RunState::Failed(_))).ok(), Some(true));
+}
+
+#[test]
+fn what_the_worker_says_of_its_failure_is_the_error() {
+    let mut script = Script::default();
+    let failed = Event::Failed { error: "training diverged".to_owned() };
+    script.lives.insert(0, [vec![began(), Message::Event(failed), exited("exit code 1")]].into());
+    let (summary, ..) = play(&mut script, OPTIONS, 1);
+    assert_eq!(summary.failed[0].1, "training diverged");
+}
+
+#[test]
+fn the_first_failure_stops_everything_where_that_is_wanted() {
+    let mut script = Script::default();
+    script.lives.insert(0, [crashes()].into());
+    script.lives.insert(1, [vec![began()]].into()); // would go on for ever
+    let (summary, ..) = play(&mut script, Options { fail_fast: true, ..OPTIONS }, 5);
+    assert_eq!((summary.finished, summary.failed.len(), summary.left, summary.interrupted), (0, 1, 4, false));
+    assert_eq!((script.stopped.as_slice(), script.started.len()), ([1].as_slice(), 2));
+}
+
+#[test]
+fn a_run_that_hangs_is_killed() {
+    let mut script = Script::default();
+    script.lives.insert(0, [vec![began()]].into());
+    let (summary, ..) = play(&mut script, Options { hang_timeout: Duration::from_millis(50), ..OPTIONS }, 2);
+    assert_eq!((summary.finished, summary.failed.len()), (1, 1));
+    assert!(summary.failed[0].1.contains("no progress"), "{}", summary.failed[0].1);
+}
+
+#[test]
+fn a_stop_lets_the_runs_under_way_leave_and_starts_no_other() {
+    let stop = StopRequest::default();
+    let mut script = Script { stop_at: Some((2, stop)), ..Script::default() };
+    for number in 0..2 {
+        script.lives.insert(number, [vec![began()]].into());
+    }
+    let (summary, due, _folder) = play(&mut script, OPTIONS, 5);
+    assert_eq!((summary.left, summary.interrupted, summary.failed.len()), (5, true, 0));
+    assert_eq!((script.stopped.as_slice(), script.started.len()), ([0, 1].as_slice(), 2));
+    assert!(due.iter().all(|run| !run.paths.complete.exists()), "a stop was recorded as an end");
+}
+
+#[test]
+fn no_more_run_together_than_wanted_and_the_longest_begin_first() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut due: Vec<Planned> = (0..4).map(|seed| planned(folder.path(), "e", seed)).collect();
+    for (run, env_steps) in due.iter_mut().zip([100, 400, 200, 300]) {
+        run.spec.budget.env_steps = constant(env_steps);
+    }
+    let (mut script, mut progress) = (Script::default(), Progress::new(Style::Quiet, false, 4, 1.0));
+    let stop = StopRequest::default();
+    let summary = run(&due, folder.path(), OPTIONS, &CostModel::default(), &mut script, &stop, &mut progress);
+    assert_eq!((summary.finished, script.most), (4, 2));
+    assert_eq!(script.started, [1, 3, 2, 0]);
+}
+
+#[test]
+fn a_run_of_another_process_is_waited_for_and_taken_up_when_it_is_let_go() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let due = [planned(folder.path(), "e", 0)];
+    let claim = Claim::take(&due[0].paths).expect("made").expect("free");
+    let mut script = Script::default();
+    let claimed = vec![Message::Event(Event::Claimed), exited("exit code 0")];
+    script.lives.insert(0, [claimed, finishes(1.0)].into());
+    let (stop, mut progress) = (StopRequest::default(), Progress::new(Style::Quiet, false, 1, 1.0));
+    let summary = std::thread::scope(|scope| {
+        scope.spawn(move || {
+            std::thread::sleep(Duration::from_millis(100));
+            drop(claim); // the other process dies
+        });
+        run(&due, folder.path(), OPTIONS, &CostModel::default(), &mut script, &stop, &mut progress)
+    });
+    assert_eq!((summary.finished, script.started.len()), (1, 2));
+}

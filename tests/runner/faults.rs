@@ -1,0 +1,149 @@
+//! What goes wrong while runs are under way: signals, crashes, hangs, divergence. No run is lost, and none becomes another.
+
+use std::{fs, thread, time::Duration};
+
+use crate::workbench::{PENDULUM, Workbench, signal, texts, wait_for};
+use mcpo_run::record::{Claim, Outcome, RunPaths};
+
+/// One run.
+const ONE: [&str; 5] = ["tiny.toml", "--only", "env=InvertedPendulum-v2,seed=0", "--results", "disturbed"];
+/// Steps that take long enough to be disturbed.
+const LONG: u64 = 16_384;
+
+/// The bench, with the undisturbed run recorded in `whole`.
+fn with_whole_run() -> Workbench {
+    let bench = Workbench::new(LONG);
+    bench.expect(0, &["tiny.toml", "--only", "env=InvertedPendulum-v2,seed=0", "--results", "whole"]);
+    bench
+}
+
+fn assert_same_run(bench: &Workbench) {
+    assert_eq!(bench.recorded("disturbed", PENDULUM), bench.recorded("whole", PENDULUM), "the run is another");
+}
+
+#[test]
+fn killed_at_any_instant_a_run_goes_on_to_the_same_values() {
+    let bench = with_whole_run();
+    let mut killed = 0;
+    // Checkpoints are 20 ms apart, so that some of these instants lie in the middle of writing one.
+    for pause in [0, 30, 55, 80, 105, 130, 155, 180, 210] {
+        let child = bench.start(&ONE);
+        let worker = bench.worker("disturbed", PENDULUM);
+        thread::sleep(Duration::from_millis(pause));
+        if !signal("KILL", worker) {
+            break; // it had finished
+        }
+        killed += 1;
+        let (_, stderr) = texts(&child.wait_with_output().expect("it ends"), 1, &ONE);
+        assert!(stderr.contains("SIGKILL") && stderr.contains("memory"), "{stderr}");
+        let manifest = bench.manifest("disturbed", PENDULUM);
+        assert!(manifest.error().is_some_and(|error| error.contains("SIGKILL")), "{:?}", manifest.outcome);
+        assert_eq!(manifest.attempts.len(), killed);
+    }
+    assert!(killed >= 3, "the runs were too quick to be killed");
+    bench.expect(0, &ONE);
+    assert_same_run(&bench);
+    let attempts = bench.manifest("disturbed", PENDULUM).attempts;
+    assert!(attempts.last().is_some_and(|last| last.from_env_steps > 0), "it began anew: {attempts:?}");
+}
+
+#[test]
+fn a_worker_whose_parent_is_killed_leaves_a_checkpoint_and_goes() {
+    let bench = with_whole_run();
+    let mut child = bench.start(&ONE);
+    let worker = bench.worker("disturbed", PENDULUM);
+    bench.wait_for_checkpoint("disturbed", PENDULUM);
+    child.kill().expect("it was there");
+    child.wait().expect("it ends");
+    wait_for("the worker's end", || (!signal("0", worker)).then_some(()));
+    assert!(!Claim::is_held(&bench.run("disturbed", PENDULUM)).expect("readable"), "the dead hold the run");
+    bench.expect(0, &ONE);
+    assert_same_run(&bench);
+}
+
+#[test]
+fn a_signal_stops_cleanly_and_the_same_command_goes_on() {
+    let bench = with_whole_run();
+    for name in ["INT", "TERM", "USR1"] {
+        let child = bench.start(&ONE);
+        bench.worker("disturbed", PENDULUM);
+        assert!(signal(name, child.id()), "it was over before {name}");
+        let (_, stderr) = texts(&child.wait_with_output().expect("it ends"), 130, &[name]);
+        assert!(stderr.contains("goes on from here"), "{stderr}");
+        let paths = bench.run("disturbed", PENDULUM);
+        assert!(!paths.complete.exists() && RunPaths::checkpoint(&paths.partial).exists());
+    }
+    let (stdout, _) = bench.expect(0, &["status", "tiny.toml", "--results", "disturbed"]);
+    assert!(stdout.contains("1 interrupted") && stdout.contains("16,384 steps"), "{stdout}");
+    bench.expect(0, &ONE);
+    assert_same_run(&bench);
+}
+
+#[test]
+fn a_crash_is_one_failed_run_with_its_cause_and_the_others_finish() {
+    let bench = Workbench::new(LONG);
+    let child = bench.start(&["tiny.toml", "--jobs", "2"]);
+    assert!(signal("ABRT", bench.worker("results", PENDULUM)), "it was over before");
+    let (_, stderr) = texts(&child.wait_with_output().expect("it ends"), 1, &["ABRT"]);
+    assert!(stderr.contains("SIGABRT") && stderr.contains("3 of 4 runs finished, 1 failed"), "{stderr}");
+    let manifest = bench.manifest("results", PENDULUM);
+    let Outcome::Failed { error, log_tail } = &manifest.outcome else { panic!("{:?}", manifest.outcome) };
+    assert!(error.contains("SIGABRT") && log_tail.iter().any(|line| line.contains("begins at 0")), "{log_tail:?}");
+    let folder = bench.run("results", PENDULUM).complete;
+    assert!(!RunPaths::progress(&folder).exists(), "half a run would be scanned");
+    let (stdout, _) = bench.expect(0, &["status", "tiny.toml"]);
+    assert!(stdout.contains("1 failed") && stdout.contains("SIGABRT"), "{stdout}");
+    bench.expect(0, &["tiny.toml"]);
+    assert_eq!(bench.manifest("results", PENDULUM).outcome, Outcome::Finished);
+}
+
+#[test]
+fn a_run_that_hangs_is_killed_and_tried_again_where_that_is_wanted() {
+    let bench = with_whole_run();
+    let arguments = [&ONE[..], &["--hang-timeout", "1", "--retries", "1"]].concat();
+    let child = bench.start(&arguments);
+    assert!(signal("STOP", bench.worker("disturbed", PENDULUM)), "it was over before");
+    let (_, stderr) = texts(&child.wait_with_output().expect("it ends"), 0, &arguments);
+    assert!(stderr.contains("no progress for 1 s") && stderr.contains("trying again"), "{stderr}");
+    let attempts = bench.manifest("disturbed", PENDULUM).attempts;
+    assert!(attempts[0].error.as_ref().is_some_and(|error| error.contains("no progress")), "{attempts:?}");
+    assert_eq!(attempts.len(), 2);
+    assert_same_run(&bench);
+}
+
+#[test]
+fn training_that_diverges_is_a_failed_run_that_says_so() {
+    let bench = Workbench::new(4096);
+    let arguments = ["tiny.toml", "--only", "seed=0", "--set", "algorithms.ppo.learning_rate=1e38"];
+    let (_, stderr) = bench.expect(1, &arguments);
+    assert!(stderr.contains("diverged"), "{stderr}");
+    assert!(bench.manifest("results", PENDULUM).error().is_some_and(|error| error.contains("iteration 1")));
+}
+
+#[test]
+fn a_checkpoint_of_another_version_is_refused_and_kept() {
+    let bench = with_whole_run();
+    let child = bench.start(&ONE);
+    bench.wait_for_checkpoint("disturbed", PENDULUM);
+    assert!(signal("INT", child.id()));
+    texts(&child.wait_with_output().expect("it ends"), 130, &ONE);
+    let path = RunPaths::checkpoint(&bench.run("disturbed", PENDULUM).partial);
+    let older = "mcpo-run checkpoint 0\nsomething\n";
+    fs::write(&path, older).expect("written");
+    let (_, stderr) = bench.expect(2, &ONE);
+    assert!(stderr.contains("version 0") && stderr.contains("--fresh"), "{stderr}");
+    assert_eq!(fs::read_to_string(&path).expect("kept"), older);
+    bench.expect(0, &[&ONE[..], &["--fresh"]].concat());
+    assert_same_run(&bench);
+}
+
+#[test]
+fn results_that_vanish_under_way_end_the_runs_with_a_message() {
+    let bench = Workbench::new(LONG);
+    let child = bench.start(&ONE);
+    bench.wait_for_checkpoint("disturbed", PENDULUM);
+    // The worker may write between two of these removals.
+    wait_for("the removal", || fs::remove_dir_all(bench.path("disturbed")).ok());
+    let (_, stderr) = texts(&child.wait_with_output().expect("it ends"), 1, &ONE);
+    assert!(stderr.contains("failed: cannot"), "{stderr}");
+}

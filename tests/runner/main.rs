@@ -1,0 +1,5 @@
+//! The runner, by the program itself on small matrices.
+
+mod campaigns;
+mod faults;
+mod workbench;
