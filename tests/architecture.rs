@@ -1,9 +1,9 @@
 //! The direction of the arrows: which module may use which.
 //!
 //! The table is the design's, with these deviations. `arithmetic`, the products and elementary functions at the machine's
-//! rate, is a bottom module of its own. `plan` uses `env`, since a run holds its environment and its reward. `record`
-//! uses `train` and what its rows are made of, since it is `train`'s sink. `report` uses `plan` and `env`, since selections
-//! and recorded runs are theirs.
+//! rate, is a bottom module of its own. `plan` uses `env`, since a run holds its environment and its reward. `record` and
+//! `schedule` use what rows and policies are made of, since they are `train`'s sink, and `schedule` reads demonstrations
+//! before anything starts. `report` uses `plan` and `env`, since selections and recorded runs are theirs.
 
 use std::{
     collections::BTreeSet,
@@ -25,8 +25,8 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("spec", &["algo", "demo", "env", "nn", "quantity", "rng"]),
     ("plan", &["env", "spec", "quantity", "rng"]),
     ("train", &["algo", "arithmetic", "demo", "env", "nn", "plan", "quantity", "rng", "solver", "spec", "stats"]),
-    ("record", &["algo", "env", "nn", "plan", "quantity", "train"]),
-    ("schedule", &["plan", "record", "train"]),
+    ("record", &["algo", "env", "nn", "plan", "quantity", "rng", "train"]),
+    ("schedule", &["algo", "demo", "env", "plan", "record", "train"]),
     ("report", &["env", "plan", "record", "spec", "stats"]),
     (
         "cli",
@@ -95,7 +95,9 @@ fn collect(folder: &Path, files: &mut Vec<PathBuf>) {
 
 /// `text` up to its tests, without line comments.
 fn code(text: &str) -> String {
-    let text = text.split("#[cfg(test)]\nmod ").next().unwrap_or_default();
+    let tests = ["mod ", "pub(crate) mod ", "pub(super) mod "].map(|start| format!("#[cfg(test)]\n{start}"));
+    let end = tests.iter().filter_map(|start| text.find(start)).min().unwrap_or(text.len());
+    let text = &text[..end];
     text.lines().map(|line| line.split("//").next().unwrap_or_default()).collect::<Vec<_>>().join("\n")
 }
 

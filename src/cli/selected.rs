@@ -100,11 +100,14 @@ impl Selected {
     ///
     /// Errors: also everything that is wrong with demonstrations.
     pub fn planned(&self, specs: &[ExperimentSpec]) -> anyhow::Result<Vec<Planned>> {
-        let missing: Vec<SpecErrors> = specs.iter().filter_map(|spec| spec.ready().err()).collect();
+        let runs = self.runs(specs)?;
+        let needed: Vec<&Path> = runs.iter().filter_map(|run| run.demonstration.as_deref()).collect();
+        let missing: Vec<SpecErrors> =
+            specs.iter().filter_map(|spec| spec.ready(needed.iter().copied()).err()).collect();
         if !missing.is_empty() {
             return Err(InvalidFiles(missing).into());
         }
-        Ok(preflight::plan(self.runs(specs)?, &self.results)?)
+        Ok(preflight::plan(runs, &self.results)?)
     }
 
     /// The files that are named, and those of the folders that are.

@@ -74,3 +74,63 @@ pub fn differences(recorded: &RunSpec, wanted: &RunSpec) -> Vec<String> {
         .map(|key| format!("{key}: {} -> {}", show(before.get(key)), show(after.get(key))))
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{super::tests::planned, *};
+    use crate::quantity::constant;
+
+    fn run() -> RunSpec {
+        planned("[[matrix]]\nseed = [7]\nenv = ['HalfCheetah-v2']\nalgorithm = ['mcpo']\n").remove(0)
+    }
+
+    fn versions() -> Versions {
+        Versions { algorithm_revision: 1, mujoco: "3.17.0".into(), models: "abc".into() }
+    }
+
+    #[test]
+    fn whatever_decides_numbers_changes_the_fingerprint() {
+        let run = run();
+        let print = run.fingerprint(Some("x"), &versions());
+        assert_eq!((print.len(), &print), (16, &run.fingerprint(Some("x"), &versions())));
+        let seed = RunSpec { seed: crate::rng::Seed(8), ..run.clone() };
+        let reward = RunSpec { reward: crate::env::Reward::Dense, ..run.clone() };
+        let mut kept = run.clone();
+        kept.checkpoint.keep_policy_every = Some(constant(10_000));
+        for other in [seed, reward, kept] {
+            assert_ne!(other.fingerprint(Some("x"), &versions()), print, "{:?}", differences(&run, &other));
+        }
+        assert_ne!(run.fingerprint(Some("y"), &versions()), print);
+        assert_ne!(run.fingerprint(None, &versions()), print);
+        let other = Versions { algorithm_revision: 2, ..versions() };
+        assert_ne!(run.fingerprint(Some("x"), &other), print);
+        let other = Versions { mujoco: "4.0.0".into(), ..versions() };
+        assert_ne!(run.fingerprint(Some("x"), &other), print);
+    }
+
+    #[test]
+    fn names_and_paths_do_not() {
+        let run = run();
+        let mut moved = RunSpec {
+            experiment: "other".into(),
+            id: "elsewhere".into(),
+            axes: BTreeMap::new(),
+            demonstration: Some("elsewhere.parquet".into()),
+            ..run.clone()
+        };
+        moved.checkpoint.every_seconds = constant(1.0);
+        assert_eq!(moved.fingerprint(Some("x"), &versions()), run.fingerprint(Some("x"), &versions()));
+        assert_eq!(differences(&run, &moved), Vec::<String>::new());
+    }
+
+    #[test]
+    fn differences_name_the_key_and_both_values() {
+        let before = run();
+        let other = "[[matrix]]\nseed = [8]\nenv = ['HalfCheetah-v2']\nalgorithm = ['mcpo']\nd = [0.5]\nmax_d = [1]\n";
+        let after = planned(other).remove(0);
+        assert_eq!(
+            differences(&before, &after),
+            ["algorithm.mcpo.d: 0.001 -> 0.5", "algorithm.mcpo.max_d: absent -> 1.0", "seed: 7 -> 8"]
+        );
+    }
+}

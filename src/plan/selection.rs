@@ -24,3 +24,50 @@ fn same(key: &str, value: &Value, wanted: &Value) -> bool {
 fn number(value: &Value) -> Option<f64> {
     value.as_float().or_else(|| value.as_integer().map(|integer| integer as f64))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{super::tests::planned, *};
+
+    #[test]
+    fn what_cannot_be_meant_names_the_nearest() {
+        for (text, message) in [
+            ("env=Hoper-v2", "unknown env `Hoper-v2` in a selection; the nearest known one is `Hopper-v2`"),
+            ("algorithm=mcp", "unknown algorithm `mcp` in a selection; the nearest known one is `mcpo`"),
+            ("epsilom=0", "unknown key `epsilom` in a selection; the nearest known one is `epsilon`"),
+            ("mcpo", "`mcpo` is not of the form KEY=VALUE"),
+            ("", "`` is not of the form KEY=VALUE"),
+        ] {
+            assert_eq!(Selection::parse(text).expect_err(text).to_string(), message);
+        }
+    }
+
+    #[test]
+    fn runs_are_selected_by_any_of_their_values() {
+        let runs = planned(
+            "[[matrix]]\nseed = [0, 1]\nenv = ['Hopper-v2', 'InvertedPendulum-v2']\nalgorithm = ['mcpo', 'ppo']\n\
+             d = [1e-3, 1e-2]\n",
+        );
+        for (text, count) in [
+            ("env=Hopper-v2", 6),
+            ("env=Pendulum-v2", 6),
+            ("env=Hopper-v2,env=InvertedPendulum-v2", 12),
+            ("d=0.001", 4),
+            ("d=1e-3, algorithm=mcpo", 4),
+            ("d=1e-3,algorithm=ppo", 0),
+            ("mcpo.d=0.01,seed=1", 2),
+            ("seed=1", 6),
+            ("seed=2", 0),
+            ("mmd.samples=demo_states", 8),
+            ("mmd.samples=rollout", 0),
+            ("ppo.normalize_advantages=true", 4),
+            ("budget.env_steps=100_000", 12),
+            ("budget.env_steps=1e5", 12),
+            ("network.hidden=300x400", 12),
+            ("reward=sparse2-1-beyond", 6),
+        ] {
+            let selection = Selection::parse(text).expect(text);
+            assert_eq!(runs.iter().filter(|run| selection.matches(run)).count(), count, "{text}");
+        }
+    }
+}

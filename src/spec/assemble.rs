@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::de::DeserializeOwned;
 
 use super::{
-    Block, ExperimentSpec, Overrides, SpecErrors,
+    Block, ExperimentSpec, Overrides, Settings, SpecErrors,
     catalog::Catalog,
     check::{BLOCK_KEYS, check},
     cross::Draft,
@@ -105,9 +105,10 @@ fn build(
     let figures = list(merged.remove("figures"));
     let tables = list(merged.remove("tables"));
     let folder = path.parent().unwrap_or(Path::new("")).to_owned();
-    // Where nothing else is said, demonstrations lie beside the file.
+    // Where nothing else is said, demonstrations lie beside the file that the others extend.
     let mut settings = toml::Table::new();
-    let beside = folder.join("demos/{env}.parquet").to_string_lossy().into_owned();
+    let first = sources.first().map_or(folder.as_path(), |source| source.layer.folder());
+    let beside = first.join(Settings::DEMONSTRATIONS).to_string_lossy().into_owned();
     settings.insert("demonstrations".into(), toml::Value::String(beside));
     settings.extend(merged.into_iter().filter(|(key, _)| Catalog::get().settings.schema(&[key.as_str()]).is_some()));
     let spec = ExperimentSpec {

@@ -1,6 +1,6 @@
 //! The check of how values go together, in every combination that a matrix makes.
 
-use std::mem;
+use std::{mem, path::PathBuf};
 
 use super::{
     Algorithm, Block, ExperimentSpec, Parameter, ResolveError, Settings,
@@ -39,7 +39,7 @@ struct Conflict {
 pub(super) struct Findings {
     pub(super) errors: Vec<SpecError>,
     /// Demonstrations that are not there: runs cannot start, though a report can still be drawn.
-    pub(super) missing: Vec<SpecError>,
+    pub(super) missing: Vec<(PathBuf, SpecError)>,
 }
 
 impl Draft<'_> {
@@ -60,8 +60,11 @@ impl Draft<'_> {
                         for conflict in conflicts(env, &settings, &algorithm) {
                             add(&mut findings.errors, self.locate(conflict, *index, block, env, algorithm.name()));
                         }
-                        if let Some(conflict) = missing_demonstration(env, &settings, &algorithm) {
-                            add(&mut findings.missing, self.locate(conflict, *index, block, env, algorithm.name()));
+                        if let Some(conflict) = missing_demonstration(env, &settings, &algorithm)
+                            && !findings.missing.iter().any(|(path, _)| *path == settings.demonstrations)
+                        {
+                            let error = self.locate(conflict, *index, block, env, algorithm.name());
+                            findings.missing.push((settings.demonstrations, error));
                         }
                     }
                     Err(error @ ResolveError::NoBudget { .. }) => {
@@ -207,15 +210,30 @@ fn conflicts(env: EnvId, settings: &Settings, algorithm: &Algorithm) -> Vec<Conf
             vec![setting("rollout.steps"), setting("rollout.environments")],
         );
     }
-    let minibatch = algorithm.hyperparameters().get("minibatch").and_then(toml::Value::as_integer);
-    if let Some(minibatch) = minibatch.and_then(|size| u64::try_from(size).ok()).filter(|size| *size > steps) {
+    for (key, minibatch) in minibatches(&algorithm.hyperparameters()).into_iter().filter(|(_, size)| *size > steps) {
         conflict(
-            format!("minibatch {minibatch} is larger than the rollout, rollout.steps {steps}"),
+            format!("{key} {minibatch} is larger than the rollout, rollout.steps {steps}"),
             "expected a minibatch no larger than the rollout",
-            vec![Parameter::Shared("minibatch".into()), setting("rollout.steps")],
+            vec![Parameter::Shared(key), setting("rollout.steps")],
         );
     }
     conflicts
+}
+
+/// The minibatches that are taken from rollouts, by their dotted keys: those beside a `gae_lambda`, of the policy update
+/// that is chosen where there are two.
+fn minibatches(hyperparameters: &toml::Table) -> Vec<(String, u64)> {
+    let of = |table: &toml::Table| {
+        let size = table.get("minibatch").filter(|_| table.contains_key("gae_lambda"))?;
+        size.as_integer().and_then(|size| u64::try_from(size).ok())
+    };
+    let chosen = hyperparameters.get("policy_update").and_then(toml::Value::as_str);
+    let own = of(hyperparameters).map(|size| ("minibatch".to_owned(), size));
+    let parts = hyperparameters
+        .iter()
+        .filter(|(key, _)| chosen.is_none_or(|chosen| *key == chosen))
+        .filter_map(|(key, part)| Some((format!("{key}.minibatch"), of(part.as_table()?)?)));
+    own.into_iter().chain(parts).collect()
 }
 
 /// The demonstration that a run needs and that is not there.

@@ -20,7 +20,7 @@ mod settings;
 mod source;
 
 use std::{
-    collections::BTreeMap,
+    collections::{BTreeMap, BTreeSet},
     path::{Path, PathBuf},
 };
 
@@ -60,7 +60,8 @@ pub struct ExperimentSpec {
     pub tables: Vec<Table>,
     /// The folder of the file.
     pub folder: PathBuf,
-    missing: Vec<SpecError>,
+    /// Demonstrations that are not there.
+    missing: Vec<(PathBuf, SpecError)>,
 }
 
 /// One `[[matrix]]` block: every combination of its lists is one run.
@@ -104,11 +105,14 @@ pub fn parse(path: &Path, text: &str, overrides: &Overrides) -> Result<Experimen
 pub type Combination<'a> = (EnvId, &'a str, Vec<(&'a str, &'a toml::Value)>);
 
 impl ExperimentSpec {
-    /// Whether its runs can start.
+    /// Whether the runs that learn from these demonstrations can start.
     ///
-    /// Errors: demonstrations that are not there. A report needs none, so [`load`] does not refuse them.
-    pub fn ready(&self) -> Result<(), SpecErrors> {
-        SpecErrors::none_or(self.missing.clone())
+    /// Errors: those that are not there, with the place that names them. A report needs none, so [`load`] does not refuse
+    /// them.
+    pub fn ready<'a>(&self, demonstrations: impl IntoIterator<Item = &'a Path>) -> Result<(), SpecErrors> {
+        let needed: BTreeSet<&Path> = demonstrations.into_iter().collect();
+        let missing = self.missing.iter().filter(|(path, _)| needed.contains(path.as_path()));
+        SpecErrors::none_or(missing.map(|(_, error)| error.clone()).collect())
     }
 }
 

@@ -87,6 +87,8 @@ pub struct Checkpoint {
 }
 
 impl Settings {
+    /// Where demonstrations lie, from the folder of the experiment.
+    pub(super) const DEMONSTRATIONS: &str = "demos/{env}.parquet";
     /// The share of training steps that evaluations under way may take, as one part in so many.
     const EVALUATION_PART: u64 = 10;
     /// The points of a learning curve where the budget allows.
@@ -99,7 +101,7 @@ impl Settings {
         Self {
             reward: env.sparse_reward(),
             max_steps,
-            demonstrations: PathBuf::from("demos/{env}.parquet"),
+            demonstrations: PathBuf::from(Self::DEMONSTRATIONS),
             budget: Budget { env_steps },
             rollout: Rollout {
                 steps: constant(if env == EnvId::MountainCar { 2048 } else { 4096 }),

@@ -91,7 +91,7 @@ fn a_file_wins_over_what_it_extends() {
         "{LEAST}\n[algorithms.mcpo]\nmax_kl = 0.02\ndamping = 0.5\n[environments.\"Ant-v2\"]\ndemonstrations = \"ant.parquet\"\n"
     );
     fs::create_dir(folder.path().join("base")).expect("a folder");
-    fs::write(folder.path().join("base/base.toml"), base).expect("a file");
+    fs::write(folder.path().join("base/base.toml"), &base).expect("a file");
     fs::write(folder.path().join("middle.toml"), "extends = \"base/base.toml\"\nname = \"middle\"\n").expect("a file");
     let path = folder.path().join("top.toml");
     fs::write(&path, "extends = \"middle.toml\"\nname = \"top\"\n[algorithms.mcpo]\nmax_kl = 0.03\n").expect("a file");
@@ -104,22 +104,25 @@ fn a_file_wins_over_what_it_extends() {
     let ant = runs.iter().find(|run| run.env.name() == "Ant-v2").expect("it runs");
     assert_eq!(ant.demonstration.as_deref(), Some(folder.path().join("base/ant.parquet").as_path()));
     let hopper = runs[0].demonstration.as_deref();
-    assert_eq!(hopper, Some(folder.path().join("demos/Hopper-v2.parquet").as_path()));
+    assert_eq!(hopper, Some(folder.path().join("base/demos/Hopper-v2.parquet").as_path()));
 }
 
 #[test]
 fn a_missing_demonstration_is_told_before_runs_start_and_not_before() {
     let text = format!("{LEAST}\n[environments.\"Hopper-v2\"]\ndemonstrations = \"nowhere.parquet\"\n");
     let spec = spec::parse(Path::new("test.toml"), &text, &Overrides::default()).expect("a report can be drawn");
-    let errors = spec.ready().expect_err("the runs cannot start");
-    let told: Vec<(Option<usize>, String)> = errors.iter().map(|error| (error.line(), error.message.clone())).collect();
-    assert_eq!(told.len(), 2, "{errors}");
-    assert_eq!(told[0].0, Some(7), "the list of environments: {errors}");
-    assert!(told[0].1.contains("demos/Ant-v2.parquet"), "{errors}");
-    assert_eq!(told[1].0, Some(11), "where it is named: {errors}");
-    assert!(told[1].1.contains("nowhere.parquet"), "{errors}");
-    let ppo = LEAST.replace("\"mcpo\", ", "");
-    spec::parse(Path::new("test.toml"), &ppo, &Overrides::default()).expect("valid").ready().expect("PPO needs none");
+    let errors = spec.ready([Path::new("demos/Ant-v2.parquet"), Path::new("nowhere.parquet")]);
+    let errors = errors.expect_err("the runs cannot start");
+    let told: Vec<(Option<usize>, &str)> = errors.iter().map(|error| (error.line(), error.message.as_str())).collect();
+    assert_eq!(
+        told,
+        [
+            (Some(7), "the demonstration demos/Ant-v2.parquet of Ant-v2 is not there"),
+            (Some(11), "the demonstration nowhere.parquet of Hopper-v2 is not there"),
+        ]
+    );
+    assert_eq!(spec.ready([Path::new("nowhere.parquet")]).expect_err("one of them").iter().count(), 1);
+    spec.ready([]).expect("runs that need none can start");
 }
 
 /// Runs the ignored test `name` of this binary, alone, under one more environment variable.
