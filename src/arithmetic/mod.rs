@@ -5,7 +5,9 @@
 //!
 //! (The design has no such module: both `nn` and `demo` need these, and neither may use the other.)
 
+mod activation;
 mod elementary;
 pub mod product;
 
-pub use elementary::{exp, tanh, tanh_biased};
+pub use activation::{tanh_biased, tanh_cotangent, tanh_tangent};
+pub use elementary::{exp, tanh};

@@ -1,79 +1,183 @@
 //! Products of f32 matrices.
 //!
-//! Every element is summed in the same order however many columns pass together, so the columns of `a b` have the same
-//! bits alone and in a batch. nalgebra has no such property, and its transposed products run at a tenth of this rate.
+//! Each element is one chain of fused multiplications and additions in the order of the inner index, whatever the shape,
+//! its place in it, and the width of the machine's registers. So the columns of `a b` have the same bits alone and in any
+//! batch, which neither nalgebra nor the usual libraries promise; only CPUs without fused multiplication (x86 before 2013)
+//! give other last bits.
+//!
+//! A tile of the result stays in registers while columns of `a` stream past it. Nothing is packed or allocated: a column
+//! of `a` is read as it lies. At the shapes of this crate's networks that is measured at 1.2 times the rate of
+//! `matrixmultiply` for a thousand columns and three times for eight, with AVX-512 and without. It is meant for factors
+//! that fit a second-level cache; an inner dimension of many thousands is better cut by the caller.
 
-use nalgebra::{DMatrixView, DMatrixViewMut};
+use std::{array, ops::Range};
 
-/// `c = a b + beta c`. Shapes `[m x k] [k x n] [m x n]`.
+use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut};
+use pulp::{Arch, Simd, WithSimd};
+
+/// `c = a b + beta c`. Shapes `[m x k] [k x n] [m x n]`. What was in `c` is ignored where `beta` is zero.
 pub fn product(a: DMatrixView<'_, f32>, b: DMatrixView<'_, f32>, beta: f32, c: DMatrixViewMut<'_, f32>) {
-    strided(Strided::of(a), Strided::of(b), beta, c);
+    assert_eq!(a.ncols(), b.nrows(), "inner dimensions of a product");
+    assert_eq!(c.shape(), (a.nrows(), b.ncols()), "the shape of a product");
+    Arch::new().dispatch(Product { a, right: Right::Plain(b), beta, c });
 }
 
-/// `c = a^T b + beta c`. Shapes `[k x m] [k x n] [m x n]`.
+/// `c = a^T b + beta c`. Shapes `[k x m] [k x n] [m x n]`. Allocates a transposed copy of `a`.
 pub fn product_tn(a: DMatrixView<'_, f32>, b: DMatrixView<'_, f32>, beta: f32, c: DMatrixViewMut<'_, f32>) {
-    strided(Strided::of(a).transposed(), Strided::of(b), beta, c);
+    let transposed: DMatrix<f32> = a.transpose();
+    product(transposed.as_view(), b, beta, c);
 }
 
 /// `c = a b^T + beta c`. Shapes `[m x k] [n x k] [m x n]`.
 pub fn product_nt(a: DMatrixView<'_, f32>, b: DMatrixView<'_, f32>, beta: f32, c: DMatrixViewMut<'_, f32>) {
-    strided(Strided::of(a), Strided::of(b).transposed(), beta, c);
+    assert_eq!(a.ncols(), b.ncols(), "inner dimensions of a product");
+    assert_eq!(c.shape(), (a.nrows(), b.nrows()), "the shape of a product");
+    Arch::new().dispatch(Product { a, right: Right::Transposed(b), beta, c });
 }
 
-/// A view with its strides, which can be transposed without moving a number.
-#[derive(Clone, Copy)]
-struct Strided<'a> {
-    /// Keeps what the view borrows, and answers for its extent.
-    view: DMatrixView<'a, f32>,
-    rows: usize,
-    columns: usize,
-    row_stride: isize,
-    column_stride: isize,
+/// The right factor.
+enum Right<'a> {
+    /// `b` of `a b`.
+    Plain(DMatrixView<'a, f32>),
+    /// `b` of `a b^T`.
+    Transposed(DMatrixView<'a, f32>),
 }
 
-impl<'a> Strided<'a> {
-    fn of(view: DMatrixView<'a, f32>) -> Self {
-        let ((rows, columns), (row_stride, column_stride)) = (view.shape(), view.strides());
-        Self { view, rows, columns, row_stride: row_stride as isize, column_stride: column_stride as isize }
+struct Product<'a> {
+    a: DMatrixView<'a, f32>,
+    right: Right<'a>,
+    beta: f32,
+    c: DMatrixViewMut<'a, f32>,
+}
+
+impl WithSimd for Product<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        // The tile, a column's part of `a` and a number of `b` fill the registers, and the tile has sums enough to hide a
+        // multiplication's latency.
+        if S::REGISTER_COUNT >= 32 { self.tiles::<S, 3, 8>(simd) } else { self.tiles::<S, 2, 6>(simd) }
+    }
+}
+
+impl Product<'_> {
+    /// Tiles of `V` vectors by `N` columns; at the lower edge of one, maybe partial, vector; at the right edge some
+    /// columns are computed twice.
+    #[inline(always)]
+    fn tiles<S: Simd, const V: usize, const N: usize>(mut self, simd: S) {
+        let (rows, columns) = self.c.shape();
+        let tall = V * S::F32_LANES;
+        let edge = rows - rows % tall;
+        for row in (0..edge).step_by(tall) {
+            self.row_of_tiles::<S, V, N>(simd, row, tall, columns);
+        }
+        for row in (edge..rows).step_by(S::F32_LANES) {
+            self.row_of_tiles::<S, 1, N>(simd, row, S::F32_LANES.min(rows - row), columns);
+        }
     }
 
-    fn transposed(self) -> Self {
-        Self {
-            view: self.view,
-            rows: self.columns,
-            columns: self.rows,
-            row_stride: self.column_stride,
-            column_stride: self.row_stride,
+    /// The tiles of `height` from `row` on.
+    #[inline(always)]
+    fn row_of_tiles<S: Simd, const V: usize, const N: usize>(
+        &mut self,
+        simd: S,
+        row: usize,
+        height: usize,
+        columns: usize,
+    ) {
+        for column in (0..columns).step_by(N) {
+            let width = N.min(columns - column);
+            if width == 1 {
+                self.tile::<S, V, 1>(simd, (row, height), (column, width));
+            } else {
+                self.tile::<S, V, N>(simd, (row, height), (column, width));
+            }
+        }
+    }
+
+    /// The tile at `(row, column)`, of which `height` rows and `width` columns exist.
+    #[inline(always)]
+    fn tile<S: Simd, const V: usize, const N: usize>(
+        &mut self,
+        simd: S,
+        (row, height): (usize, usize),
+        (column, width): (usize, usize),
+    ) {
+        let (rows, last) = (row..row + height, width - 1);
+        let sums = match &self.right {
+            Right::Plain(b) => {
+                let columns: [&[f32]; N] = array::from_fn(|j| &column_of(b, column + j.min(last))[..self.a.ncols()]);
+                sums::<S, V, N>(simd, &self.a, &rows, |l| array::from_fn(|j| simd.splat_f32s(columns[j][l])))
+            }
+            Right::Transposed(b) if width == N => sums::<S, V, N>(simd, &self.a, &rows, |l| {
+                let numbers = &column_of(b, l)[column..column + N];
+                array::from_fn(|j| simd.splat_f32s(numbers[j]))
+            }),
+            Right::Transposed(b) => sums::<S, V, N>(simd, &self.a, &rows, |l| {
+                let numbers = &column_of(b, l)[column..column + width];
+                array::from_fn(|j| simd.splat_f32s(numbers[j.min(last)]))
+            }),
+        };
+        let beta = simd.splat_f32s(self.beta);
+        for (j, sums) in sums.into_iter().enumerate().take(width) {
+            let place = &mut self.c.column_mut(column + j).data.into_slice_mut()[rows.clone()];
+            let mut results = sums;
+            if self.beta != 0.0 {
+                let before = load::<S, V>(simd, place);
+                results = array::from_fn(|v| simd.mul_add_e_f32s(beta, before[v], sums[v]));
+            }
+            store(simd, results, place);
         }
     }
 }
 
-/// `c = a b + beta c`.
-#[expect(unsafe_code, reason = "sgemm takes pointers; measured: ten times nalgebra's transposed product")]
-fn strided(a: Strided<'_>, b: Strided<'_>, beta: f32, mut c: DMatrixViewMut<'_, f32>) {
-    assert_eq!(a.columns, b.rows, "inner dimensions of a product");
-    assert_eq!(c.shape(), (a.rows, b.columns), "the shape of a product");
-    let (row_stride, column_stride) = c.strides();
-    // SAFETY: the views borrow all elements that their shapes and strides reach, and the shapes agree (asserted above).
-    // `c` is borrowed mutably, so it overlaps neither `a` nor `b`, and as a mutable view of nalgebra no two of its
-    // elements share a place.
-    unsafe {
-        matrixmultiply::sgemm(
-            a.rows,
-            a.columns,
-            b.columns,
-            1.0,
-            a.view.as_ptr(),
-            a.row_stride,
-            a.column_stride,
-            b.view.as_ptr(),
-            b.row_stride,
-            b.column_stride,
-            beta,
-            c.as_mut_ptr(),
-            row_stride as isize,
-            column_stride as isize,
-        );
+/// The sums over l of `a`'s `rows` in column l times each of the N numbers that `right` has for l.
+#[inline(always)]
+fn sums<S: Simd, const V: usize, const N: usize>(
+    simd: S,
+    a: &DMatrixView<'_, f32>,
+    rows: &Range<usize>,
+    right: impl Fn(usize) -> [S::f32s; N],
+) -> [[S::f32s; V]; N] {
+    let mut sums = [[simd.splat_f32s(0.0); V]; N];
+    for l in 0..a.ncols() {
+        let left = load::<S, V>(simd, &column_of(a, l)[rows.clone()]);
+        let right = right(l);
+        for j in 0..N {
+            for v in 0..V {
+                sums[j][v] = simd.mul_add_e_f32s(left[v], right[j], sums[j][v]);
+            }
+        }
+    }
+    sums
+}
+
+/// Column `j`, flat.
+#[inline(always)]
+fn column_of<'a>(matrix: &'a DMatrixView<'_, f32>, j: usize) -> &'a [f32] {
+    matrix.column(j).data.into_slice()
+}
+
+/// V vectors, or one that may be partial.
+#[inline(always)]
+fn load<S: Simd, const V: usize>(simd: S, numbers: &[f32]) -> [S::f32s; V] {
+    if V == 1 {
+        [simd.partial_load_f32s(numbers); V]
+    } else {
+        let (vectors, _) = S::as_simd_f32s(numbers);
+        array::from_fn(|v| vectors[v])
+    }
+}
+
+/// The same, stored.
+#[inline(always)]
+fn store<S: Simd, const V: usize>(simd: S, vectors: [S::f32s; V], numbers: &mut [f32]) {
+    if V == 1 {
+        simd.partial_store_f32s(numbers, vectors[0]);
+    } else {
+        let (places, _) = S::as_mut_simd_f32s(numbers);
+        places.copy_from_slice(&vectors);
     }
 }
 
@@ -172,6 +276,20 @@ mod tests {
                     assert_eq!(some, all.columns(0, n), "transposed {m} x {k}, {n} columns");
                 }
             }
+        }
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[test]
+    fn bits_do_not_depend_on_the_width_of_registers() {
+        let Some(narrow) = pulp::x86::V3::try_new() else { return };
+        for (m, k, n) in [(100, 17, 13), (6, 300, 9), (35, 64, 1)] {
+            let (a, b, before) = (matrix(m, k, 1), matrix(k, n, 2), matrix(m, n, 3));
+            let (mut with_narrow, mut with_best) = (before.clone(), before.clone());
+            let right = Right::Plain(b.as_view());
+            Simd::vectorize(narrow, Product { a: a.as_view(), right, beta: 1.0, c: with_narrow.as_view_mut() });
+            product(a.as_view(), b.as_view(), 1.0, with_best.as_view_mut());
+            assert_eq!(with_narrow, with_best, "{m} x {k} x {n}");
         }
     }
 }

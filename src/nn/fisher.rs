@@ -37,7 +37,7 @@ impl LinearOperator for Fisher<'_> {
         network.jvp(self.observations, self.pass, x_mean, &mut self.by_mean);
         // The KL's Hessian by the mean is 1 / std^2; here also the division by the number of samples.
         let samples = self.by_mean.ncols() as f64;
-        let weights: Vec<f32> = self.policy.inverse_std().iter().map(|r| (r * r / samples) as f32).collect();
+        let weights: Vec<f32> = self.policy.inverse_std().map(|r| (r * r / samples) as f32).collect();
         for column in self.by_mean.as_mut_slice().chunks_exact_mut(weights.len()) {
             column.iter_mut().zip(&weights).for_each(|(x, w)| *x *= w);
         }

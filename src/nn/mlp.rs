@@ -6,14 +6,17 @@ use nalgebra::{DMatrix, DMatrixView};
 use rand::RngExt as _;
 use serde::{Deserialize, Serialize};
 
-use super::pass::{Pass, chunks, columns, columns_mut, matrix, matrix_mut};
+use super::pass::{CHUNK, Pass, chunks, columns, columns_mut, matrix, matrix_mut};
 use crate::{
     arithmetic::{
-        product::{product, product_nt, product_tn},
-        tanh_biased,
+        product::{product, product_nt},
+        tanh_biased, tanh_cotangent, tanh_tangent,
     },
     rng::Rng,
 };
+
+/// The sum over a chunk's samples is a product with these.
+static ONES: [f32; CHUNK] = [1.0; CHUNK];
 
 /// A network's shape and parameters: for each layer the weights (column-major `[out x in]`), then the biases (`[out]`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -99,6 +102,13 @@ impl Mlp {
         pass.check(&self.widths, inputs);
         assert_eq!(cotangent.shape(), (pass.output_dim, pass.samples), "shape of the cotangent");
         assert_eq!(gradient.len(), self.parameters.len(), "length of the gradient");
+        if !pass.is_transposed {
+            for ((weights, _), transposed) in self.layers().zip(&mut pass.transposed) {
+                transposed.resize(weights.len(), 0.0);
+                weights.transpose_to(&mut matrix_mut(transposed, weights.ncols()));
+            }
+            pass.is_transposed = true;
+        }
         gradient.fill(0.0);
         for chunk in chunks(pass.samples) {
             self.add_vjp(inputs, pass, cotangent, &chunk, gradient);
@@ -116,13 +126,10 @@ impl Mlp {
         mut gradient: &mut [f32],
     ) {
         let at_zero = 0..chunk.len();
-        let mut parameters = &self.parameters[..];
         for (layer, shape) in self.widths.windows(2).enumerate().rev() {
             let (fan_in, width) = (shape[0], shape[1]);
-            let (weights, block);
-            let start_of_block = parameters.len() - block_len(shape);
-            (parameters, weights) = parameters.split_at(start_of_block);
-            (gradient, block) = gradient.split_at_mut(start_of_block);
+            let block;
+            (gradient, block) = gradient.split_at_mut(gradient.len() - block_len(shape));
 
             // The derivative by this layer's sums; that of a hidden layer, the layer above left in the first scratch.
             let [here, below] = &mut pass.scratch;
@@ -136,17 +143,13 @@ impl Mlp {
             };
             let (by_weights, by_biases) = block.split_at_mut(fan_in * width);
             product_nt(matrix(derivative, width), matrix(input, fan_in), 1.0, matrix_mut(by_weights, width));
-            let of_chunk = &mut pass.bias_sums[..width];
-            of_chunk.fill(0.0);
-            for column in derivative.chunks_exact(width) {
-                of_chunk.iter_mut().zip(column).for_each(|(sum, term)| *sum += term);
-            }
-            by_biases.iter_mut().zip(of_chunk).for_each(|(sum, term)| *sum += *term);
+            let ones = matrix(&ONES[..chunk.len()], chunk.len());
+            product(matrix(derivative, width), ones, 1.0, matrix_mut(by_biases, width));
             if layer > 0 {
-                let weights = matrix(&weights[..fan_in * width], width);
+                let weights = matrix(&pass.transposed[layer], fan_in);
                 let below = columns_mut(below, fan_in, &at_zero);
-                product_tn(weights, matrix(derivative, width), 0.0, matrix_mut(below, fan_in));
-                multiply_by_tanh_derivative(below, input);
+                product(weights, matrix(derivative, width), 0.0, matrix_mut(below, fan_in));
+                tanh_cotangent(below, input);
             }
             pass.scratch.swap(0, 1);
         }
@@ -178,9 +181,10 @@ impl Mlp {
                     let input_tangent = columns(below, fan_in, &at_zero);
                     product(weights, matrix(input_tangent, fan_in), 1.0, matrix_mut(here, width));
                 }
-                add_to_columns(here, biases_tangent);
-                if !is_output {
-                    multiply_by_tanh_derivative(here, columns(&pass.activations[layer], width, &chunk));
+                if is_output {
+                    add_to_columns(here, biases_tangent);
+                } else {
+                    tanh_tangent(here, biases_tangent, columns(&pass.activations[layer], width, &chunk));
                 }
                 pass.scratch.swap(0, 1);
             }
@@ -200,14 +204,9 @@ fn add_to_columns(values: &mut [f32], bias: &[f32]) {
     }
 }
 
-/// Multiplies by `tanh' = 1 - tanh^2`, where `activations` are tanh's values.
-fn multiply_by_tanh_derivative(values: &mut [f32], activations: &[f32]) {
-    values.iter_mut().zip(activations).for_each(|(x, h)| *x *= 1.0 - h * h);
-}
-
 #[cfg(test)]
 pub(super) mod tests {
-    use super::{super::pass::CHUNK, *};
+    use super::*;
     use crate::rng::{Seed, Stream};
 
     /// A small network and inputs of order one, `n` of them.

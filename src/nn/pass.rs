@@ -18,10 +18,12 @@ pub struct Pass {
     pub(super) output_dim: usize,
     /// Each layer's activations `[out x samples]`, and room beyond them for larger batches.
     pub(super) activations: Vec<Vec<f32>>,
+    /// Each layer's weights, transposed `[in x out]`: the way back reads them so. Made when first needed.
+    pub(super) transposed: Vec<Vec<f32>>,
+    /// Whether [`transposed`](Self::transposed) is that of the last forward pass's parameters.
+    pub(super) is_transposed: bool,
     /// Derivatives of two neighbouring hidden layers on one chunk.
     pub(super) scratch: [Vec<f32>; 2],
-    /// One chunk's derivatives by one layer's biases.
-    pub(super) bias_sums: Vec<f32>,
 }
 
 impl Pass {
@@ -37,11 +39,12 @@ impl Pass {
         let widest = outputs.iter().copied().max().unwrap_or(0);
         self.samples = samples;
         self.output_dim = outputs[outputs.len() - 1];
+        self.is_transposed = false;
+        self.transposed.resize_with(outputs.len(), Vec::new);
         self.activations.resize_with(outputs.len(), Vec::new);
         for (activation, width) in self.activations.iter_mut().zip(outputs) {
             grow(activation, width * samples);
         }
-        grow(&mut self.bias_sums, widest);
         for scratch in &mut self.scratch {
             grow(scratch, widest * samples.min(CHUNK));
         }

@@ -60,12 +60,12 @@ impl GaussianPolicy {
     pub fn log_densities(&self, means: DMatrixView<'_, f32>, actions: &DMatrix<f32>, densities: &mut [f64]) {
         assert_eq!(means.shape(), actions.shape(), "shape of the actions");
         assert_eq!(densities.len(), actions.ncols(), "a density for each action");
-        let inverse_std = self.inverse_std();
-        let constant: f64 = self.log_std.iter().map(|&log_std| -f64::from(log_std) - 0.5 * LN_2_PI).sum();
-        for ((density, mean), action) in densities.iter_mut().zip(means.column_iter()).zip(actions.column_iter()) {
-            let squares = action.iter().zip(mean.iter()).zip(&inverse_std);
-            let square: f64 = squares.map(|((&a, &m), r)| ((f64::from(a) - f64::from(m)) * r).powi(2)).sum();
-            *density = constant - 0.5 * square;
+        densities.fill(self.log_std.iter().map(|&log_std| -f64::from(log_std) - 0.5 * LN_2_PI).sum());
+        for (j, inverse_std) in self.inverse_std().enumerate() {
+            for (i, density) in densities.iter_mut().enumerate() {
+                let z = (f64::from(actions[(j, i)]) - f64::from(means[(j, i)])) * inverse_std;
+                *density -= 0.5 * z * z;
+            }
         }
     }
 
@@ -83,19 +83,18 @@ impl GaussianPolicy {
         assert_eq!(means.shape(), actions.shape(), "shape of the actions");
         assert_eq!(weights.len(), actions.ncols(), "a weight for each action");
         // By the mean: w (a - m) / std^2. By log_std: w ((a - m)^2 / std^2 - 1).
-        let inverse_std = self.inverse_std();
-        let mut by_log_std = vec![0.0f64; self.log_std.len()];
         let mut cotangent = DMatrix::zeros(actions.nrows(), actions.ncols());
-        for (i, &weight) in weights.iter().enumerate() {
-            for (j, r) in inverse_std.iter().enumerate() {
-                let z = (f64::from(actions[(j, i)]) - f64::from(means[(j, i)])) * r;
-                cotangent[(j, i)] = (weight * z * r) as f32;
-                by_log_std[j] += weight * (z * z - 1.0);
+        let (by_mean, by_log_std) = gradient.split_at_mut(self.mean.parameters().len());
+        for ((j, inverse_std), by_log_std) in self.inverse_std().enumerate().zip(by_log_std) {
+            let mut sum = 0.0;
+            for (i, &weight) in weights.iter().enumerate() {
+                let z = (f64::from(actions[(j, i)]) - f64::from(means[(j, i)])) * inverse_std;
+                cotangent[(j, i)] = (weight * z * inverse_std) as f32;
+                sum += weight * (z * z - 1.0);
             }
+            *by_log_std = sum as f32;
         }
-        let (by_mean, rest) = gradient.split_at_mut(self.mean.parameters().len());
         self.mean.vjp(observations, pass, &cotangent, by_mean);
-        rest.iter_mut().zip(by_log_std).for_each(|(g, sum)| *g = sum as f32);
     }
 
     /// Writes the gradient (`[dim]`, zero in `log_std`) of the sum over samples of `cotangent . mean`.
@@ -117,22 +116,15 @@ impl GaussianPolicy {
         assert_eq!(means.shape(), old_means.shape(), "shape of the means");
         assert_eq!(old_log_std.len(), self.log_std.len(), "length of log_std");
         // KL = log(std / old_std) + (old_std^2 + (old_mean - mean)^2) / (2 std^2) - 1/2, summed over the action's numbers.
-        let constant: f64 = self
-            .log_std
-            .iter()
-            .zip(old_log_std)
-            .map(|(&new, &old)| {
-                let log_ratio = f64::from(old) - f64::from(new);
-                0.5 * (2.0 * log_ratio).exp_m1() - log_ratio
-            })
-            .sum();
-        let inverse_std = self.inverse_std();
-        let mut sum = 0.0;
-        for (mean, old_mean) in means.column_iter().zip(old_means.column_iter()) {
-            let squares = mean.iter().zip(old_mean.iter()).zip(&inverse_std);
-            sum += squares.map(|((&m, &o), r)| ((f64::from(o) - f64::from(m)) * r).powi(2)).sum::<f64>();
+        let samples = means.ncols();
+        let mut kl = 0.0;
+        for (j, (inverse_std, &old)) in self.inverse_std().zip(old_log_std).enumerate() {
+            let log_ratio = f64::from(old) - f64::from(self.log_std[j]);
+            let square = |i| ((f64::from(old_means[(j, i)]) - f64::from(means[(j, i)])) * inverse_std).powi(2);
+            let mean_square = (0..samples).map(square).sum::<f64>() / samples as f64;
+            kl += 0.5 * ((2.0 * log_ratio).exp_m1() + mean_square) - log_ratio;
         }
-        constant + 0.5 * sum / means.ncols() as f64
+        kl
     }
 
     /// The entropy in nats, the same in every state.
@@ -141,8 +133,8 @@ impl GaussianPolicy {
     }
 
     /// `1 / std` `[action_dim]`.
-    pub(super) fn inverse_std(&self) -> Vec<f64> {
-        self.log_std.iter().map(|&log_std| (-f64::from(log_std)).exp()).collect()
+    pub(super) fn inverse_std(&self) -> impl Iterator<Item = f64> {
+        self.log_std.iter().map(|&log_std| (-f64::from(log_std)).exp())
     }
 }
 

@@ -1,0 +1,220 @@
+//! The direction of the arrows: which module may use which.
+//!
+//! The table is the design's, with these deviations. `arithmetic`, the products and elementary functions at the machine's
+//! rate, is a bottom module of its own. `plan` uses `env`, since a run holds its environment and its reward. `record`
+//! uses `train` and what its rows are made of, since it is `train`'s sink. `report` uses `plan` and `env`, since selections
+//! and recorded runs are theirs.
+
+use std::{
+    collections::BTreeSet,
+    fs,
+    path::{Path, PathBuf},
+};
+
+/// Each module with those that it may use.
+const MAY_USE: &[(&str, &[&str])] = &[
+    ("rng", &[]),
+    ("quantity", &[]),
+    ("arithmetic", &[]),
+    ("solver", &["arithmetic", "quantity"]),
+    ("stats", &["rng"]),
+    ("nn", &["arithmetic", "solver", "quantity", "rng"]),
+    ("env", &["quantity", "rng"]),
+    ("demo", &["arithmetic", "env", "quantity", "rng"]),
+    ("algo", &["arithmetic", "demo", "env", "nn", "solver", "quantity", "rng"]),
+    ("spec", &["algo", "demo", "env", "nn", "quantity", "rng"]),
+    ("plan", &["env", "spec", "quantity", "rng"]),
+    ("train", &["algo", "arithmetic", "demo", "env", "nn", "plan", "quantity", "rng", "solver", "spec", "stats"]),
+    ("record", &["algo", "env", "nn", "plan", "quantity", "train"]),
+    ("schedule", &["plan", "record", "train"]),
+    ("report", &["env", "plan", "record", "spec", "stats"]),
+    (
+        "cli",
+        &[
+            "algo",
+            "arithmetic",
+            "demo",
+            "env",
+            "nn",
+            "plan",
+            "quantity",
+            "record",
+            "report",
+            "rng",
+            "schedule",
+            "solver",
+            "spec",
+            "stats",
+            "train",
+        ],
+    ),
+];
+
+/// What `algo` may name of `env`: it never steps one.
+const SPACES: [&str; 2] = ["EnvId", "Spaces"];
+
+/// Crates that could be replaced: the one place that names each.
+const NAMED_ONCE: [(&str, &str); 3] =
+    [("mujoco_rs", "env/mujoco"), ("figment", "spec/layers"), ("plotters", "report/figure")];
+
+/// Names that say nothing.
+const EMPTY_NAMES: [&str; 7] = ["utils", "util", "common", "helpers", "types", "core", "manager"];
+
+/// A source file: its module path and its text without comments, string contents and tests.
+struct Source {
+    path: PathBuf,
+    module: Vec<String>,
+    code: String,
+}
+
+fn sources() -> Vec<Source> {
+    let mut files = Vec::new();
+    collect(Path::new("src"), &mut files);
+    files
+        .into_iter()
+        .map(|path| {
+            let module = path.strip_prefix("src").expect("it was found there").with_extension("");
+            let module: Vec<String> =
+                module.iter().map(|part| part.to_string_lossy().into_owned()).filter(|part| part != "mod").collect();
+            let code = code(&fs::read_to_string(&path).expect("a source file can be read"));
+            Source { path, module, code }
+        })
+        .collect()
+}
+
+fn collect(folder: &Path, files: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).expect("the sources are there") {
+        let path = entry.expect("their entries can be read").path();
+        if path.is_dir() {
+            collect(&path, files);
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            files.push(path);
+        }
+    }
+}
+
+/// `text` up to its tests, without line comments.
+fn code(text: &str) -> String {
+    let text = text.split("#[cfg(test)]\nmod ").next().unwrap_or_default();
+    text.lines().map(|line| line.split("//").next().unwrap_or_default()).collect::<Vec<_>>().join("\n")
+}
+
+/// The paths that begin at `start` in `code`, which stands behind a `::`: one, or those between braces.
+fn paths(code: &str) -> Vec<String> {
+    let Some(inside) = code.strip_prefix('{') else {
+        let end = code.find(|c: char| !(c.is_alphanumeric() || c == '_' || c == ':')).unwrap_or(code.len());
+        let path = code[..end].trim_end_matches(':').to_owned();
+        // `env::{EnvId, Reward}` is two paths.
+        return match code[end..].strip_prefix('{') {
+            Some(_) if code[..end].ends_with("::") => {
+                paths(&code[end..]).into_iter().map(|inner| format!("{path}::{inner}")).collect()
+            }
+            _ => vec![path],
+        };
+    };
+    let mut depth = 0;
+    let mut all = Vec::new();
+    let mut start = 0;
+    for (at, c) in inside.char_indices() {
+        match c {
+            '{' => depth += 1,
+            '}' if depth > 0 => depth -= 1,
+            ',' if depth == 0 => {
+                all.extend(paths(inside[start..at].trim()));
+                start = at + 1;
+            }
+            '}' => {
+                all.extend(paths(inside[start..at].trim()));
+                break;
+            }
+            _ => {}
+        }
+    }
+    all.retain(|path| !path.is_empty());
+    all
+}
+
+/// Every path that a source takes from the root of the crate.
+fn from_root(source: &Source) -> Vec<String> {
+    let mut found = Vec::new();
+    for (at, _) in source.code.match_indices("crate::") {
+        found.extend(paths(&source.code[at + "crate::".len()..]));
+    }
+    let climb = "super::".repeat(source.module.len());
+    for (at, _) in source.code.match_indices(&climb) {
+        // A longer chain would be found at each of its steps.
+        if !source.code[..at].ends_with("super::") {
+            found.extend(paths(&source.code[at + climb.len()..]));
+        }
+    }
+    found
+}
+
+#[test]
+fn modules_use_only_what_their_row_allows() {
+    let mut wrong = BTreeSet::new();
+    for source in sources().iter().filter(|source| !["lib", "main"].contains(&source.module[0].as_str())) {
+        let own = source.module[0].as_str();
+        let Some((_, allowed)) = MAY_USE.iter().find(|(module, _)| *module == own) else {
+            wrong.insert(format!("{}: the module `{own}` has no row", source.path.display()));
+            continue;
+        };
+        for path in from_root(source) {
+            let mut parts = path.split("::");
+            let used = parts.next().unwrap_or_default();
+            if used != own && !allowed.contains(&used) {
+                wrong.insert(format!("{}: {own} -> {used}", source.path.display()));
+            }
+            if own == "algo" && used == "env" && !parts.next().is_some_and(|name| SPACES.contains(&name)) {
+                wrong.insert(format!("{}: algo may not name {path}", source.path.display()));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "not allowed:\n{}", wrong.into_iter().collect::<Vec<_>>().join("\n"));
+}
+
+#[test]
+fn a_crate_that_could_be_replaced_is_named_in_one_place() {
+    for (name, place) in NAMED_ONCE {
+        for source in sources() {
+            let module = source.module.join("/");
+            let names = source.code.contains(&format!("{name}::"));
+            assert!(!names || module.starts_with(place), "{} names {name}, which is {place}'s", source.path.display());
+        }
+    }
+}
+
+#[test]
+fn no_module_has_a_name_that_says_nothing() {
+    for source in sources() {
+        for part in &source.module {
+            assert!(!EMPTY_NAMES.contains(&part.as_str()), "{}", source.path.display());
+        }
+    }
+}
+
+#[test]
+fn the_rows_lead_downwards() {
+    // Each module may use only those above it in the table, so there is no circle.
+    for (index, (module, allowed)) in MAY_USE.iter().enumerate() {
+        for used in *allowed {
+            assert!(MAY_USE[..index].iter().any(|(above, _)| above == used), "{module} -> {used}");
+        }
+    }
+}
+
+#[test]
+fn every_form_of_a_path_is_read() {
+    let read = |module: &[&str], text: &str| {
+        let module = module.iter().map(|part| (*part).to_owned()).collect();
+        from_root(&Source { path: PathBuf::new(), module, code: code(text) })
+    };
+    assert_eq!(read(&["a"], "use crate::env::EnvId;"), ["env::EnvId"]);
+    assert_eq!(read(&["a"], "let x = crate::rng::Seed(1);"), ["rng::Seed"]);
+    assert_eq!(
+        read(&["a"], "use crate::{\n    env::{EnvId, Reward},\n    nn,\n    rng::Seed,\n};"),
+        ["env::EnvId", "env::Reward", "nn", "rng::Seed"]
+    );
+    assert_eq!(read(&["a", "b"], "use super::super::env::{EnvId}; use super::c;"), ["env::EnvId"]);
+    assert_eq!(read(&["a"], "// use crate::nn;\n#[cfg(test)]\nmod tests { use crate::nn; }"), Vec::<String>::new());
+}
