@@ -34,8 +34,8 @@ fn render(planned: &[Planned], states: &[RunState]) -> String {
         }
     }
     let mut lines = table(&["run", "state", ""]);
-    // Work that is left, and the rate at which the running processes do it, in expected seconds.
-    let (mut left, mut running) = (0.0, 0);
+    // Work that is left, in expected seconds, and how many of those the running processes do in a second.
+    let (mut left, mut rate, mut running) = (0.0, 0.0, 0);
     for (run, state) in planned.iter().zip(states) {
         let budget = run.spec.budget.env_steps.get();
         let share = |env_steps: u64| 1.0 - (env_steps as f64 / budget as f64).min(1.0);
@@ -48,6 +48,8 @@ fn render(planned: &[Planned], states: &[RunState]) -> String {
             }
             RunState::Running(heartbeat) => {
                 running += 1;
+                rate +=
+                    heartbeat.as_ref().map_or(1.0, |heartbeat| heartbeat.steps_per_second * seconds / budget as f64);
                 left += seconds * share(heartbeat.as_ref().map_or(0, |heartbeat| heartbeat.env_steps));
                 heartbeat.as_ref().map_or_else(
                     || "no iteration yet".to_owned(),
@@ -82,7 +84,8 @@ fn render(planned: &[Planned], states: &[RunState]) -> String {
     let time = match running {
         _ if left == 0.0 => String::new(),
         0 => format!("; nothing runs now; about {} of work left", clock(left)),
-        n => format!("; about {} left at {n} at a time", clock(left / f64::from(n))),
+        _ if rate == 0.0 => "; time left not yet known".to_owned(),
+        n => format!("; about {} left at {n} at a time", clock(left / rate)),
     };
     let whole = format!("{} runs: {}{time}\n", planned.len(), counts.join(", "));
     if lines.row_count() == 0 { whole } else { format!("{lines}\n{whole}") }

@@ -80,7 +80,7 @@ impl Progress {
         let target = if style == Style::Bars { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
         let screen = MultiProgress::with_draw_target(target);
         let whole = screen.add(ProgressBar::new(1000));
-        whole.set_style(bar_style("{bar:30.green} {percent:>3} %  {wide_msg}"));
+        whole.set_style(bar_style("{bar:12.green} {percent:>3} %  {wide_msg}"));
         Self {
             style,
             verbose,
@@ -100,8 +100,8 @@ impl Progress {
     /// Run `number` begins at `from` of `budget` environment steps; all of it would take `seconds`.
     pub fn begin(&mut self, number: usize, label: &str, from: u64, budget: u64, seconds: f64) {
         let bar = self.screen.insert_before(&self.whole, ProgressBar::new(budget));
-        bar.set_style(bar_style("{bar:30} {percent:>3} %  {prefix}  {wide_msg}"));
-        bar.set_prefix(label.to_owned());
+        bar.set_style(bar_style("{bar:12} {percent:>3} %  {wide_msg}"));
+        bar.set_message(label.to_owned());
         let work_per_step = seconds / budget.max(1) as f64;
         self.work_left -= work_per_step * from as f64;
         let running = Running {
@@ -127,9 +127,10 @@ impl Progress {
         run.env_steps = env_steps;
         run.last_return = training_return.or(run.last_return);
         run.bar.set_position(env_steps.min(run.budget));
-        let left = run.seconds_left().map_or_else(String::new, |seconds| format!(", {} left", clock(seconds)));
+        // What changes comes first: narrow terminals cut the end off.
+        let left = run.seconds_left().map_or_else(String::new, |seconds| format!("{} left, ", clock(seconds)));
         let mean = run.last_return.map_or_else(String::new, |mean| format!(", return {mean:.1}"));
-        run.bar.set_message(format!("{} steps/s{left}{mean}", thousands(run.steps_per_second())));
+        run.bar.set_message(format!("{left}{} steps/s  {}{mean}", thousands(run.steps_per_second()), run.label));
     }
 
     /// Run `number` was evaluated.
