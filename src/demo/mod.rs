@@ -19,7 +19,7 @@ use nalgebra::DMatrix;
 
 pub use kernel::{Bandwidth, Kernel};
 pub use mmd::Estimator;
-pub use verify::{Deviation, verify};
+pub use verify::{Deviation, Tolerance, verify};
 
 use crate::env::{EnvError, EnvId, Pose};
 

@@ -1,4 +1,7 @@
 //! Verification: replay the actions from each episode's first pose and compare.
+//!
+//! The car of MountainCar is put into every step's recorded pose instead: Gymnasium rounds its state to f32 at each step,
+//! and over an episode the roundings that this replay does not share would add up.
 
 use std::path::Path;
 
@@ -17,6 +20,34 @@ pub struct Deviation {
     pub ends: usize,
 }
 
+/// The deviations that still are agreement.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tolerance {
+    /// Of an observation's number.
+    pub observation: f64,
+    /// Of a reward.
+    pub reward: f64,
+}
+
+impl Tolerance {
+    /// What a recording of Gymnasium's own environment may deviate by: 1e-9; 1e-5 in MountainCar, which it computes in f32;
+    /// and 1e-6 in the rewards where all actions are f32 numbers, since it then computes the cost of an action in f32.
+    pub fn of(demonstration: &Demonstration, env: EnvId) -> Self {
+        if env == EnvId::MountainCar {
+            return Self { observation: 1e-5, reward: 1e-5 };
+        }
+        let rounded = demonstration.actions.iter().all(|&action| f64::from(action as f32) == action);
+        Self { observation: 1e-9, reward: if rounded { 1e-6 } else { 1e-9 } }
+    }
+
+    /// Whether `deviation` is within it.
+    pub fn holds(&self, deviation: &Deviation) -> bool {
+        deviation.observation <= self.observation
+            && deviation.reward.is_none_or(|reward| reward <= self.reward)
+            && deviation.ends == 0
+    }
+}
+
 /// Replays `demonstration` in `env`, and gives the greatest deviations.
 ///
 /// Errors: shapes do not fit `env` (the message names `path`), no pose was recorded, or the physics diverges.
@@ -33,6 +64,9 @@ pub fn verify(demonstration: &Demonstration, path: &Path, env: EnvId) -> Result<
     for steps in demonstration.episodes() {
         task.set_pose(&poses[steps.start], &mut observation).map_err(failed)?;
         for step in steps {
+            if env == EnvId::MountainCar {
+                task.set_pose(&poses[step], &mut observation).map_err(failed)?;
+            }
             for (replayed, recorded) in observation.iter().zip(&demonstration.observations.column(step)) {
                 raise(&mut greatest.observation, replayed - recorded);
             }
@@ -148,6 +182,18 @@ mod tests {
         let mut changed = whole;
         changed.episode_starts = vec![0];
         assert!(deviation(&changed, EnvId::Hopper).ends > 0, "an episode that goes on after its end");
+    }
+
+    #[test]
+    fn actions_in_f32_allow_rewards_in_f32() {
+        let mut demonstration = recorded(EnvId::Ant, 5);
+        assert_eq!(Tolerance::of(&demonstration, EnvId::Ant), Tolerance { observation: 1e-9, reward: 1e-9 });
+        demonstration.actions.iter_mut().for_each(|action| *action = f64::from(*action as f32));
+        let tolerance = Tolerance::of(&demonstration, EnvId::Ant);
+        assert_eq!(tolerance, Tolerance { observation: 1e-9, reward: 1e-6 });
+        assert!(tolerance.holds(&Deviation { observation: 0.0, reward: Some(5e-7), ends: 0 }));
+        assert!(!tolerance.holds(&Deviation { observation: 5e-7, reward: None, ends: 0 }));
+        assert!(!tolerance.holds(&Deviation { observation: 0.0, reward: None, ends: 1 }));
     }
 
     #[test]

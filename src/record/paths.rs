@@ -59,6 +59,11 @@ impl RunPaths {
         folder.join("policies").join(format!("{env_steps:012}.safetensors"))
     }
 
+    /// After how many `env_steps` the policy in `file` was kept; `None` where the file's name says nothing of it.
+    pub fn kept_after(file: &Path) -> Option<u64> {
+        file.file_name()?.to_str()?.strip_suffix(".safetensors")?.parse().ok()
+    }
+
     /// The manifest.
     pub fn manifest(folder: &Path) -> PathBuf {
         folder.join("run.json")

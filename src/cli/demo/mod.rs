@@ -1,5 +1,6 @@
 //! `mcpo-run demo collect|import|verify|show`.
 
+mod collect;
 mod import;
 mod show;
 mod verify;
@@ -11,6 +12,11 @@ use crate::demo::Demonstration;
 /// What to do with demonstrations.
 #[derive(Debug, clap::Subcommand)]
 pub enum DemoCommand {
+    /// Take demonstrations from the policies that runs kept on the way
+    ///
+    /// For each environment, plays the kept policies' mean actions from a few initial states, and writes the one episode
+    /// whose dense return is nearest the paper's (or TARGET) as that environment's demonstration.
+    Collect(collect::CollectArguments),
     /// Read a demonstration from elsewhere and write it in this program's format
     ///
     /// The file may be a pickle of the authors' code (compressed by bzip2 or not), Parquet, or .npz with arrays such as
@@ -29,6 +35,7 @@ pub enum DemoCommand {
 /// Does it.
 pub fn run(command: DemoCommand) -> anyhow::Result<ExitCode> {
     match command {
+        DemoCommand::Collect(arguments) => collect::run(&arguments),
         DemoCommand::Import(arguments) => import::run(&arguments),
         DemoCommand::Verify(arguments) => verify::run(&arguments),
         DemoCommand::Show(arguments) => show::run(&arguments),

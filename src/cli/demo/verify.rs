@@ -4,7 +4,7 @@ use std::{path::PathBuf, process::ExitCode};
 
 use super::{super::print, size};
 use crate::{
-    demo::{Demonstration, verify},
+    demo::{Demonstration, Tolerance, verify},
     env::EnvId,
     quantity::NonNegative,
 };
@@ -17,9 +17,10 @@ pub struct VerifyArguments {
     /// The environment, such as Hopper-v2
     #[arg(long, value_name = "ENV")]
     env: EnvId,
-    /// The greatest deviation of an observation's number or a reward that is agreement
-    #[arg(long, value_name = "X", default_value = "1e-9", value_parser = tolerance)]
-    tolerance: NonNegative,
+    /// The greatest deviation of an observation's number or a reward that is agreement [default: 1e-9; 1e-5 in
+    /// MountainCar, and 1e-6 for rewards under f32 actions, which Gymnasium computes in f32]
+    #[arg(long, value_name = "X", value_parser = tolerance)]
+    tolerance: Option<NonNegative>,
 }
 
 fn tolerance(text: &str) -> Result<NonNegative, String> {
@@ -29,20 +30,27 @@ fn tolerance(text: &str) -> Result<NonNegative, String> {
 
 /// Replays the demonstration and prints the greatest deviations.
 pub fn run(arguments: &VerifyArguments) -> anyhow::Result<ExitCode> {
-    let (path, env, tolerance) = (&arguments.file, arguments.env, arguments.tolerance.get());
+    let (path, env) = (&arguments.file, arguments.env);
     let demonstration = Demonstration::read(path)?;
     let deviation = verify(&demonstration, path, env)?;
-    let agrees = deviation.observation <= tolerance
-        && deviation.reward.is_none_or(|reward| reward <= tolerance)
-        && deviation.ends == 0;
+    let tolerance = arguments
+        .tolerance
+        .map(NonNegative::get)
+        .map_or_else(|| Tolerance::of(&demonstration, env), |both| Tolerance { observation: both, reward: both });
+    let agrees = tolerance.holds(&deviation);
     let reward = deviation.reward.map_or_else(|| "not recorded".to_owned(), |reward| format!("{reward:e}"));
     let verdict = if agrees { "agrees with" } else { "DIFFERS from" };
     print(&format!(
-        "{file} in {env}: {size}\ngreatest deviation of an observation  {observation:e}\ngreatest deviation of a reward        \
-         {reward}\nepisodes that end otherwise           {ends}\nthe replay {verdict} the recording (tolerance {tolerance:e})\n",
+        "{file} in {env}: {size}\n\
+         greatest deviation of an observation  {observation:e} (tolerance {observation_tolerance:e})\n\
+         greatest deviation of a reward        {reward} (tolerance {reward_tolerance:e})\n\
+         episodes that end otherwise           {ends}\n\
+         the replay {verdict} the recording\n",
         file = path.display(),
         size = size(&demonstration),
         observation = deviation.observation,
+        observation_tolerance = tolerance.observation,
+        reward_tolerance = tolerance.reward,
         ends = deviation.ends,
     ))?;
     Ok(ExitCode::from(if agrees { 0 } else { 4 }))
