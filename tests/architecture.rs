@@ -60,7 +60,7 @@ const NAMED_ONCE: [(&str, &str); 3] =
 /// Names that say nothing.
 const EMPTY_NAMES: [&str; 7] = ["utils", "util", "common", "helpers", "types", "core", "manager"];
 
-/// A source file: its module path and its text without comments, string contents and tests.
+/// A source file that is not for tests alone: its module path and its text without comments and tests.
 struct Source {
     path: PathBuf,
     module: Vec<String>,
@@ -70,16 +70,20 @@ struct Source {
 fn sources() -> Vec<Source> {
     let mut files = Vec::new();
     collect(Path::new("src"), &mut files);
-    files
+    let mut tests = BTreeSet::new();
+    let mut sources: Vec<Source> = files
         .into_iter()
         .map(|path| {
             let module = path.strip_prefix("src").expect("it was found there").with_extension("");
             let module: Vec<String> =
                 module.iter().map(|part| part.to_string_lossy().into_owned()).filter(|part| part != "mod").collect();
-            let code = code(&fs::read_to_string(&path).expect("a source file can be read"));
+            let (code, test_files) = code(&fs::read_to_string(&path).expect("a source file can be read"));
+            tests.extend(test_files.into_iter().map(|name| [module.as_slice(), &[name]].concat()));
             Source { path, module, code }
         })
-        .collect()
+        .collect();
+    sources.retain(|source| !(0..=source.module.len()).any(|length| tests.contains(&source.module[..length])));
+    sources
 }
 
 fn collect(folder: &Path, files: &mut Vec<PathBuf>) {
@@ -93,12 +97,22 @@ fn collect(folder: &Path, files: &mut Vec<PathBuf>) {
     }
 }
 
-/// `text` up to its tests, without line comments.
-fn code(text: &str) -> String {
-    let tests = ["mod ", "pub(crate) mod ", "pub(super) mod "].map(|start| format!("#[cfg(test)]\n{start}"));
-    let end = tests.iter().filter_map(|start| text.find(start)).min().unwrap_or(text.len());
-    let text = &text[..end];
-    text.lines().map(|line| line.split("//").next().unwrap_or_default()).collect::<Vec<_>>().join("\n")
+/// `text` without its tests and line comments, and the names of the files beside it that are for tests alone.
+///
+/// Tests within a file stand at its end; the line `mod tests;` may stand anywhere.
+fn code(text: &str) -> (String, Vec<String>) {
+    let mut lines = text.lines().map(|line| line.split("//").next().unwrap_or_default().trim_end());
+    let (mut code, mut test_files) = (Vec::new(), Vec::new());
+    while let Some(line) = lines.next() {
+        let tests = if line.trim_start() == "#[cfg(test)]" { lines.next() } else { None };
+        let name = tests.and_then(|item| item.rsplit_once("mod ")).map(|(_, name)| name);
+        match name {
+            Some(name) if name.ends_with('{') => break,
+            Some(name) => test_files.push(name.trim_end_matches(';').to_owned()),
+            None => code.extend([Some(line), tests].into_iter().flatten()),
+        }
+    }
+    (code.join("\n"), test_files)
 }
 
 /// The paths that begin at `start` in `code`, which stands behind a `::`: one, or those between braces.
@@ -209,7 +223,7 @@ fn the_rows_lead_downwards() {
 fn every_form_of_a_path_is_read() {
     let read = |module: &[&str], text: &str| {
         let module = module.iter().map(|part| (*part).to_owned()).collect();
-        from_root(&Source { path: PathBuf::new(), module, code: code(text) })
+        from_root(&Source { path: PathBuf::new(), module, code: code(text).0 })
     };
     assert_eq!(read(&["a"], "use crate::env::EnvId;"), ["env::EnvId"]);
     assert_eq!(read(&["a"], "let x = crate::rng::Seed(1);"), ["rng::Seed"]);
@@ -218,5 +232,10 @@ fn every_form_of_a_path_is_read() {
         ["env::EnvId", "env::Reward", "nn", "rng::Seed"]
     );
     assert_eq!(read(&["a", "b"], "use super::super::env::{EnvId}; use super::c;"), ["env::EnvId"]);
-    assert_eq!(read(&["a"], "// use crate::nn;\n#[cfg(test)]\nmod tests { use crate::nn; }"), Vec::<String>::new());
+    assert_eq!(
+        read(&["a"], "// use crate::nn;\n#[cfg(test)]\nmod tests {\n    use crate::nn;\n}"),
+        Vec::<String>::new()
+    );
+    assert_eq!(read(&["a"], "#[cfg(test)]\nmod tests;\nuse crate::nn;\n#[cfg(test)]\nuse crate::rng;"), ["nn", "rng"]);
+    assert_eq!(code("mod a;\n#[cfg(test)]\npub(crate) mod b;").1, ["b"]);
 }

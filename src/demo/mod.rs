@@ -63,8 +63,12 @@ impl Demonstration {
 
     /// The sum of the dense rewards of each episode; absent where the rewards are.
     pub fn returns(&self) -> Option<Vec<f64>> {
-        let rewards = self.rewards.as_ref()?;
-        Some(self.episodes().map(|steps| rewards[steps].iter().sum()).collect())
+        self.rewards.as_deref().map(|rewards| self.sums(rewards))
+    }
+
+    /// The sum over each episode of `values`, which has one a step.
+    pub fn sums(&self, values: &[f64]) -> Vec<f64> {
+        self.episodes().map(|steps| values[steps].iter().sum()).collect()
     }
 
     /// Checks that observations, actions and poses have the lengths that `env` needs.

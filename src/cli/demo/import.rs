@@ -4,7 +4,7 @@ use std::{path::PathBuf, process::ExitCode};
 
 use super::{super::print, size, summary};
 use crate::{
-    demo::import::{Imported, import, recomputed_returns},
+    demo::import::{Imported, import, recomputed_rewards},
     env::EnvId,
 };
 
@@ -25,7 +25,7 @@ pub struct ImportArguments {
 pub fn run(arguments: &ImportArguments) -> anyhow::Result<ExitCode> {
     let (path, env) = (&arguments.file, arguments.env);
     let Imported { mut demonstration, losses } = import(path, env)?;
-    let recomputed = recomputed_returns(&demonstration, path, env)?;
+    let recomputed = demonstration.sums(&recomputed_rewards(&demonstration, path, env)?);
     let recorded = demonstration.returns();
     let earned: f64 = recorded.as_ref().unwrap_or(&recomputed).iter().sum();
     let mean = earned / demonstration.episode_starts.len() as f64;

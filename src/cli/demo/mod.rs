@@ -3,6 +3,7 @@
 mod collect;
 mod import;
 mod show;
+mod traces;
 mod verify;
 
 use std::process::ExitCode;

@@ -19,7 +19,7 @@ pub struct VerifyArguments {
     env: EnvId,
     /// The greatest deviation of an observation's number or a reward that is agreement [default: 1e-9; 1e-5 in
     /// MountainCar, and 1e-6 for rewards under f32 actions, which Gymnasium computes in f32]
-    #[arg(long, value_name = "X", value_parser = tolerance)]
+    #[arg(long, value_name = "X", allow_negative_numbers = true, value_parser = tolerance)]
     tolerance: Option<NonNegative>,
 }
 

@@ -12,7 +12,7 @@ mod table;
 
 use std::{io::Read, path::Path};
 
-pub use returns::recomputed_returns;
+pub use returns::recomputed_rewards;
 
 use super::{DemoError, Demonstration, parquet::read_bounded};
 use crate::env::EnvId;

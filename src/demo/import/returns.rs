@@ -1,33 +1,31 @@
 //! What an imported demonstration earned, as far as its observations tell.
 
-use super::super::{DemoError, Demonstration};
-use crate::env::{EnvId, Pose};
 use std::path::Path;
 
-/// The dense return of each episode, from observations and actions alone.
+use crate::{
+    demo::{DemoError, Demonstration},
+    env::{EnvError, EnvId, Pose},
+};
+
+/// The dense reward of each step (`[n]`), from observations and actions alone.
 ///
 /// MountainCar's observation is its whole state, so it is replayed; InvertedPendulum pays 1 a step; the double pendulum's
 /// pose follows from its observation. For the four that run, the forward velocity at a step's beginning stands in for the
-/// distance of that step, which the observation does not hold: on the authors' demonstrations that is within 0.5 % of the
-/// returns of the paper's Table 3. Ant's contact cost is that of the observation's clipped forces.
+/// distance of that step, which the observation does not hold: on the authors' demonstrations the return is within 0.5 %
+/// of the paper's Table 3. Ant's contact cost is that of the observation's clipped forces.
 ///
 /// Errors: the shapes do not fit `env` (the message names `path`), or MountainCar cannot be replayed.
-pub fn recomputed_returns(demonstration: &Demonstration, path: &Path, env: EnvId) -> Result<Vec<f64>, DemoError> {
+pub fn recomputed_rewards(demonstration: &Demonstration, path: &Path, env: EnvId) -> Result<Vec<f64>, DemoError> {
     demonstration.check(path, env)?;
-    let rewards: Vec<f64> = match env {
-        EnvId::MountainCar => {
-            replayed(demonstration).map_err(|source| DemoError::Environment { path: path.to_owned(), source })?
-        }
-        _ => {
-            let steps = demonstration.observations.column_iter().zip(demonstration.actions.column_iter());
-            steps.map(|(observation, action)| reward(env, observation.as_slice(), action.norm_squared())).collect()
-        }
-    };
-    Ok(demonstration.episodes().map(|steps| rewards[steps].iter().sum()).collect())
+    if env == EnvId::MountainCar {
+        return replayed(demonstration).map_err(|source| DemoError::Environment { path: path.to_owned(), source });
+    }
+    let steps = demonstration.observations.column_iter().zip(demonstration.actions.column_iter());
+    Ok(steps.map(|(observation, action)| reward(env, observation.as_slice(), action.norm_squared())).collect())
 }
 
 /// MountainCar's rewards, each step replayed from its observation.
-fn replayed(demonstration: &Demonstration) -> Result<Vec<f64>, crate::env::EnvError> {
+fn replayed(demonstration: &Demonstration) -> Result<Vec<f64>, EnvError> {
     let mut environment = EnvId::MountainCar.build()?;
     let mut after = [0.0; 2];
     let steps = demonstration.observations.column_iter().zip(demonstration.actions.column_iter());
@@ -40,7 +38,7 @@ fn replayed(demonstration: &Demonstration) -> Result<Vec<f64>, crate::env::EnvEr
         .collect()
 }
 
-/// The reward of a step from its observation and its action's squared norm; for MountainCar without the goal's.
+/// The reward of a step from its observation and its action's squared norm; MountainCar's without that of the goal.
 fn reward(env: EnvId, observation: &[f64], effort: f64) -> f64 {
     match env {
         EnvId::MountainCar => -0.1 * effort,

@@ -166,7 +166,7 @@ fn this_crates_own_format_comes_through_whole() {
 }
 
 #[test]
-fn returns_follow_from_observations_and_actions() {
+fn rewards_follow_from_observations_and_actions() {
     let path = PathBuf::from("d");
     let one_episode = |observations: DMatrix<f64>, actions: DMatrix<f64>| Demonstration {
         rewards: None,
@@ -179,15 +179,15 @@ fn returns_follow_from_observations_and_actions() {
         actions,
     };
     let pendulum = imported("import_d4rl.npz").demonstration;
-    assert_eq!(recomputed_returns(&pendulum, &path, EnvId::InvertedPendulum).expect("returns"), [3.0, 2.0]);
+    assert_eq!(recomputed_rewards(&pendulum, &path, EnvId::InvertedPendulum).expect("rewards"), [1.0; 5]);
     // Fast beside the goal: +100 - 0.1 at the second step; an action beyond the bound costs what it is.
     let car = one_episode(
         DMatrix::from_column_slice(2, 2, &[0.0, 0.0, 0.44, 0.05]),
         DMatrix::from_row_slice(1, 2, &[2.0, 1.0]),
     );
-    let returns = recomputed_returns(&car, &path, EnvId::MountainCar).expect("returns");
-    assert!((returns[0] - (-0.4 + 100.0 - 0.1)).abs() < 1e-9, "{returns:?}");
-    assert!(recomputed_returns(&car, &path, EnvId::Hopper).is_err());
+    let rewards = recomputed_rewards(&car, &path, EnvId::MountainCar).expect("rewards");
+    assert!((rewards[0] + 0.4).abs() < 1e-9 && (rewards[1] - 99.9).abs() < 1e-9, "{rewards:?}");
+    assert!(recomputed_rewards(&car, &path, EnvId::Hopper).is_err());
 }
 
 #[test]
@@ -217,7 +217,8 @@ fn recomputed_rewards_are_near_the_physics_own() {
             poses: None,
             provenance: vec![],
         };
-        let returns = recomputed_returns(&demonstration, &PathBuf::from("d"), env).expect("returns");
-        assert!((returns[0] - earned).abs() < 0.25 * 8.0f64.min(1.0 + earned.abs()), "{env}: {returns:?}, {earned}");
+        let rewards = recomputed_rewards(&demonstration, &PathBuf::from("d"), env).expect("rewards");
+        let recomputed: f64 = rewards.iter().sum();
+        assert!((recomputed - earned).abs() < 0.25 * 8.0f64.min(1.0 + earned.abs()), "{env}: {recomputed}, {earned}");
     }
 }

@@ -1,0 +1,157 @@
+//! Demonstrations as a user meets them: the MMD against scikit-learn, and `mcpo-run demo`.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+use assert_cmd::Command;
+use mcpo_run::{
+    demo::{Bandwidth, Demonstration, Estimator, Kernel, mmd::Target},
+    env::EnvId,
+    quantity::Positive,
+};
+use nalgebra::DMatrix;
+use serde::Deserialize;
+use tempfile::TempDir;
+
+/// tests/reference/mmd.json, which mmd.py beside it wrote with scikit-learn.
+#[derive(Deserialize)]
+struct MmdCase {
+    samples: Vec<Vec<f32>>,
+    target: Vec<Vec<f32>>,
+    median: f64,
+    results: Vec<MmdResult>,
+}
+
+#[derive(Deserialize)]
+struct MmdResult {
+    sigma: f64,
+    v: f64,
+    u: f64,
+    witness_v: Vec<f64>,
+    witness_u: Vec<f64>,
+    gradient_v: Vec<Vec<f64>>,
+}
+
+fn columns(rows: &[Vec<f32>]) -> DMatrix<f32> {
+    DMatrix::from_vec(rows[0].len(), rows.len(), rows.concat())
+}
+
+#[test]
+fn the_mmd_agrees_with_scikit_learn() {
+    // Kernel values are f32: about 1e-6 for norms of some ten.
+    const TOLERANCE: f64 = 3e-6;
+    let cases: Vec<MmdCase> = serde_json::from_str(include_str!("reference/mmd.json")).expect("the reference");
+    for case in &cases {
+        let (samples, points) = (columns(&case.samples), columns(&case.target));
+        let median = Kernel::new(Bandwidth::Median, &points);
+        assert!((median.scale - 0.5 / case.median.powi(2)).abs() < 1e-5 * median.scale);
+        for expected in &case.results {
+            let sigma = Positive::try_from(expected.sigma).expect("above 0");
+            let kernel = Kernel::new(Bandwidth::Fixed(sigma), &points);
+            for (estimator, value, witness) in
+                [(Estimator::V, expected.v, &expected.witness_v), (Estimator::U, expected.u, &expected.witness_u)]
+            {
+                let target = Target::new(points.clone(), kernel, estimator);
+                assert!((target.mmd_squared(&samples) - value).abs() < TOLERANCE, "{estimator:?} {value}");
+                let mut got = vec![f64::NAN; samples.ncols()];
+                target.mmd_squared_witness(&samples, &mut got);
+                assert!(got.iter().zip(witness).all(|(got, expected)| (got - expected).abs() < TOLERANCE));
+            }
+            let target = Target::new(points.clone(), kernel, Estimator::V);
+            let mut gradient = DMatrix::from_element(samples.nrows(), samples.ncols(), f32::NAN);
+            target.mmd_squared_gradient(&samples, &mut gradient);
+            let expected = expected.gradient_v.concat();
+            assert!(
+                gradient.iter().zip(expected).all(|(&got, expected)| (f64::from(got) - expected).abs() < TOLERANCE)
+            );
+        }
+    }
+}
+
+fn mcpo_run(arguments: &[&str]) -> assert_cmd::assert::Assert {
+    Command::new(env!("CARGO_BIN_EXE_mcpo-run")).arg("demo").args(arguments).assert()
+}
+
+fn text(output: &[u8]) -> String {
+    String::from_utf8(output.to_vec()).expect("text")
+}
+
+fn reference(name: &str) -> String {
+    Path::new("tests/reference").join(name).display().to_string()
+}
+
+fn recorded(env: EnvId) -> PathBuf {
+    Path::new("tests/parity").join(format!("{env}.parquet"))
+}
+
+/// One line on stderr, exit code 2, nothing on stdout.
+fn refused(arguments: &[&str], says: &[&str]) {
+    let output = mcpo_run(arguments).code(2).get_output().clone();
+    let complaint = text(&output.stderr);
+    assert!(output.stdout.is_empty() && complaint.starts_with("error: "), "{arguments:?}: {complaint}");
+    for words in says {
+        assert!(complaint.contains(words), "{arguments:?}: {complaint}");
+    }
+}
+
+#[test]
+fn bad_input_is_one_error_and_writes_nothing() {
+    let folder = TempDir::new().expect("a folder");
+    let hopper = recorded(EnvId::Hopper).display().to_string();
+    let out = folder.path().join("out.parquet").display().to_string();
+    refused(&["verify", "nowhere.parquet", "--env", "Hopper-v2"], &["nowhere.parquet"]);
+    refused(&["verify", &hopper, "--env", "Hoper-v2"], &["Hoper-v2", "nearest", "Hopper-v2"]);
+    refused(&["verify", &hopper, "--env", "Walker2d-v2"], &[&hopper, "11 numbers; 17 are needed"]);
+    refused(&["verify", &hopper, "--env", "Hopper-v2", "--tolerance", "-1"], &["--tolerance"]);
+    refused(&["show", "tests/reference/mmd.json"], &["mmd.json", "no Parquet"]);
+    let pickle = reference("import_protocol3.pkl");
+    refused(&["import", &pickle, "--env", "Ant-v2", "--out", &out], &["does not fit Ant-v2", "InvertedPendulum-v2"]);
+    refused(&["import", "tests/reference/mmd.py", "--env", "Ant-v2", "--out", &out], &["mmd.py", "none of"]);
+    let nowhere = folder.path().join("missing/out.parquet").display().to_string();
+    refused(&["import", &pickle, "--env", "InvertedPendulum-v2", "--out", &nowhere], &["cannot write", &nowhere]);
+    assert_eq!(fs::read_dir(folder.path()).expect("a folder").count(), 0);
+}
+
+#[test]
+fn verify_tells_agreement_from_deviation() {
+    let folder = TempDir::new().expect("a folder");
+    for env in EnvId::ALL {
+        let file = recorded(env).display().to_string();
+        let output = mcpo_run(&["verify", &file, "--env", env.name()]).code(0).get_output().clone();
+        assert!(text(&output.stdout).contains("the replay agrees"), "{env}");
+    }
+    // One number of one observation, by a hundred times the tolerance.
+    let mut demonstration = Demonstration::read(&recorded(EnvId::HalfCheetah)).expect("it was recorded");
+    demonstration.observations[(3, 200)] += 1e-7;
+    let path = folder.path().join("changed.parquet");
+    demonstration.write(&path).expect("written");
+    let changed = path.display().to_string();
+    let output = mcpo_run(&["verify", &changed, "--env", "HalfCheetah-v2"]).code(4).get_output().clone();
+    assert!(text(&output.stdout).contains("DIFFERS"));
+    mcpo_run(&["verify", &changed, "--env", "HalfCheetah-v2", "--tolerance", "1e-6"]).code(0);
+}
+
+#[test]
+fn an_import_prints_what_it_has_and_what_was_lost() {
+    let folder = TempDir::new().expect("a folder");
+    let path = folder.path().join("out.parquet");
+    let out = path.display().to_string();
+    let pickle = reference("import_protocol3.pkl");
+    let output =
+        mcpo_run(&["import", &pickle, "--env", "InvertedPendulum-v2", "--out", &out]).code(0).get_output().clone();
+    let said = text(&output.stdout);
+    for words in ["2 episodes, 5 steps", "3.0000, 2.0000", "lost: 1 of 20 numbers in observations (5.00 %)"] {
+        assert!(said.contains(words), "{said}");
+    }
+    let demonstration = Demonstration::read_for(&path, EnvId::InvertedPendulum).expect("it was written");
+    assert!(demonstration.provenance.iter().any(|(key, value)| key == "return" && value == "2.5"));
+    let shown = text(&mcpo_run(&["show", &out]).code(0).get_output().stdout);
+    for words in ["2 episodes, 5 steps", "not recorded; it cannot be replayed", "imported_from", "import_protocol3.pkl"]
+    {
+        assert!(shown.contains(words), "{shown}");
+    }
+    // Without poses there is nothing to replay.
+    refused(&["verify", &out, "--env", "InvertedPendulum-v2"], &["qpos"]);
+}
