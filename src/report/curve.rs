@@ -19,6 +19,9 @@ use super::{
 /// A column of `progress.parquet` is averaged in this many bins when it has more iterations.
 const BINS: usize = 240;
 
+/// Seeds below which a band is their range: the t interval of two is 12.7 standard errors wide, and hides the figure.
+pub const SEEDS_FOR_BAND: usize = 3;
+
 /// The confidence of all intervals.
 pub const CONFIDENCE: f64 = 0.95;
 
@@ -72,7 +75,7 @@ pub struct Point {
     pub env_steps: f64,
     /// Mean over the seeds.
     pub mean: f64,
-    /// 95 % Student t interval of the mean; `None` for a single seed.
+    /// 95 % Student t interval of the mean from three seeds on; of two, from the one to the other; `None` for one.
     pub band: Option<(f64, f64)>,
 }
 
@@ -197,7 +200,11 @@ fn over_seeds(seeds: &[Vec<(u64, f64)>], log: bool) -> (Vec<Point>, usize) {
     let points: Vec<Point> = complete
         .filter_map(|(env_steps, samples)| {
             let interval = t_interval(&samples, CONFIDENCE)?;
-            let band = (samples.len() > 1).then(|| (back(interval.low), back(interval.high)));
+            let (low, high) = match samples.len() < SEEDS_FOR_BAND {
+                true => samples.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &x| (a.min(x), b.max(x))),
+                false => (interval.low, interval.high),
+            };
+            let band = (samples.len() > 1).then(|| (back(low), back(high)));
             Some(Point { env_steps: env_steps as f64, mean: back(interval.mean), band })
         })
         .collect();
@@ -282,15 +289,26 @@ mod tests {
         let runs = [
             fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 0).finished(&[(10, &[0.0, 2.0])]),
             fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 1).finished(&[(10, &[3.0, 3.0])]),
+            fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 2).finished(&[(10, &[4.0, 6.0])]),
         ];
         let data = curves(&figure("return", false), &runs);
         let curve = data.panels[0].curves[0].as_ref().expect("a curve");
-        // Samples 1 and 3: mean 2, standard error 1, and t(0.975, 1) = 12.706204736.
-        let band = curve.points[0].band.expect("a band");
-        assert!(close(curve.points[0].mean, 2.0) && close(band.0, 2.0 - 12.706204736174698), "{band:?}");
-        assert!(close(band.1, 2.0 + 12.706204736174698), "{band:?}");
+        // Samples 1, 3 and 5: mean 3, standard error 2 / sqrt(3), and t(0.975, 2) = 4.302652730.
+        let (half, band) = (4.302652729749464 * 2.0 / 3f64.sqrt(), curve.points[0].band.expect("a band"));
+        assert!(close(curve.points[0].mean, 3.0) && close(band.0, 3.0 - half) && close(band.1, 3.0 + half), "{band:?}");
         assert_eq!(curve.paper, Some(1897.69));
         assert_eq!(data.panels[0].demo, Some(969.71));
+    }
+
+    #[test]
+    fn the_band_of_two_seeds_is_their_range() {
+        let runs = [
+            fixture::ppo("Hopper-v2", 0).finished(&[(10, &[7.0])]),
+            fixture::ppo("Hopper-v2", 1).finished(&[(10, &[4.0, 6.0])]),
+        ];
+        let data = curves(&figure("return", false), &runs);
+        let curve = data.panels[0].curves[0].as_ref().expect("a curve");
+        assert_eq!(curve.points, [Point { env_steps: 10.0, mean: 6.0, band: Some((5.0, 7.0)) }]);
     }
 
     #[test]

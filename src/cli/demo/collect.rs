@@ -29,7 +29,7 @@ pub struct CollectArguments {
     #[arg(long, value_name = "DIR", default_value = "experiments/demos")]
     out: PathBuf,
     /// Initial states that each policy is tried from
-    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::value_parser!(u32).range(1..=1000))]
     starts: u32,
     /// The return to come near to [default: the paper's Demo column]
     #[arg(long, value_name = "RETURN", allow_negative_numbers = true)]

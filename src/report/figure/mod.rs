@@ -9,7 +9,7 @@ mod ticks;
 
 use picture::{Anchor, Picture, Shape, Text, text_width};
 
-use super::curve::{Curve, CurveData};
+use super::curve::{Curve, CurveData, SEEDS_FOR_BAND};
 use panel::Frame;
 use style::{BLACK, GREY, Look, NOTE_SIZE, SIZE, TITLE_SIZE};
 
@@ -167,9 +167,14 @@ fn notes(data: &CurveData) -> String {
         .collect();
     let most = curves.iter().map(|(_, _, curve)| curve.planned).max().unwrap_or(0);
     let kind = if data.log_y { "Geometric mean" } else { "Mean" };
+    let band = match curves.iter().any(|(_, _, curve)| (2..SEEDS_FOR_BAND).contains(&curve.seeds)) {
+        true if most < SEEDS_FOR_BAND => "from one to the other",
+        true => "95 % Student t interval, of two seeds their range, cut at the frame",
+        false => "95 % Student t interval, cut at the frame",
+    };
     let mut notes = vec![match most {
         0 | 1 => "One seed a curve.".to_owned(),
-        _ => format!("{kind} over {most} seeds; shaded: 95 % Student t interval, cut at the frame."),
+        _ => format!("{kind} over {most} seeds; shaded: {band}."),
     }];
     let name =
         |env: &str, series: &str| if data.series.len() > 1 { format!("{series}, {env}") } else { env.to_owned() };
