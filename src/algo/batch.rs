@@ -9,6 +9,8 @@ use nalgebra::DMatrix;
 pub struct Batch {
     /// Normalised observations as the policy saw them `[observation_dim x n]`.
     pub observations: DMatrix<f32>,
+    /// The same as the environments gave them `[observation_dim x n]`.
+    pub raw_observations: DMatrix<f64>,
     /// Actions as sampled, unclamped `[action_dim x n]`.
     pub actions: DMatrix<f32>,
     /// The rewards that are trained on `[n]`.

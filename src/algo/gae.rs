@@ -85,6 +85,7 @@ mod tests {
         let observations = DMatrix::from_fn(3, 7, |row, column| ((row * 7 + column) as f32 * 0.7).sin());
         let cut = |shift: f32| SegmentEnd::Bootstrapped { last_observation: vec![0.1 + shift, -0.4, 0.3] };
         Batch {
+            raw_observations: DMatrix::zeros(1, 0),
             observations,
             actions: DMatrix::zeros(1, 7),
             rewards: vec![1.0, -2.0, 0.5, 3.0, 0.0, 1.5, -1.0],

@@ -9,6 +9,10 @@
 //! and anneal the tolerance, `d_k+1 = d_k (1 + epsilon)`. Knows nothing of how D is measured: that is [`mimicry`]. Start at
 //! [`Mcpo::update`].
 //!
+//! Eq. (14) judges by the linear model whether the constraint can be reached. Far from the demonstration MMD^2 is nearly flat,
+//! and a step that should reach it falls short; at the demonstration's states, where the real D is known, recovery then
+//! follows in the same iteration.
+//!
 //! What the appendix leaves open, and what is done here: `c = d_k - D(theta_k)`; D is MMD^2; the line search halves the step
 //! until the real KL, the real surrogate and the real D agree with it; advantages are not normalised; the value network is
 //! fitted after the policy's step, so that advantages come from a network that has not seen the batch.
@@ -207,7 +211,16 @@ impl OnPolicy for Mcpo {
                 DualSolution::Inactive { .. } | DualSolution::Active { .. } | DualSolution::DegenerateB { .. },
             ) => iteration.search(&mut agent.policy, step, Some(-solved.objective_change), mimicry, trial_pass),
             (Some(_), DualSolution::DegenerateG { .. }) if slack >= 0.0 => iteration.stay(),
-            (Some(step), _) => iteration.search(&mut agent.policy, step, None, mimicry, trial_pass),
+            (Some(step), _) => {
+                let outcome = iteration.search(&mut agent.policy, step, None, mimicry, trial_pass);
+                match hyperparameters.mmd.samples {
+                    // The step was to reach the tolerance, and D is known well enough to see that it did not.
+                    Samples::DemoStates if outcome.mmd_after > *tolerance => {
+                        iteration.recover(agent, mimicry, &batch.observations, pass, trial_pass)?
+                    }
+                    _ => outcome,
+                }
+            }
             (None, DualSolution::Infeasible) => {
                 iteration.recover(agent, mimicry, &batch.observations, pass, trial_pass)?
             }
@@ -431,6 +444,20 @@ mod tests {
             assert!(update.mmd_after <= bound, "{update:?}");
         }
         assert!(cases.contains("infeasible") && cases.len() >= 2, "{cases:?}");
+    }
+
+    /// Nothing is paid; D curves on the way, and the step that reaches the tolerance in the linear model does not in truth.
+    #[test]
+    fn a_step_that_falls_short_of_the_tolerance_is_followed_by_recovery() {
+        let demonstration = bandit::demonstration(100, |s| s + 1.2);
+        let h = Hyperparameters { max_kl: constant(2.0), ..hyperparameters(Samples::DemoStates, 1e-3) };
+        let mut mcpo = Mcpo::new(h, bandit::agent(0.5), &demonstration, Seed(0));
+        let updates = train(&mut mcpo, 2, |_, _| 0.0, &mut Seed(0).stream(Stream::Update, 0));
+        for update in &updates {
+            assert!(update.mmd_after <= update.d, "{update:?}");
+        }
+        assert_eq!(updates[0].case.as_deref(), Some("degenerate_g"), "the linear model sees a way");
+        assert!(updates[0].recovery_steps.is_some_and(|steps| steps > 0));
     }
 
     #[test]

@@ -6,7 +6,7 @@
 //! the policy's mean action there, and b comes by backpropagation; Table 2's tolerances fit this reading. In `rollout`
 //! they are the agent's own state-action pairs, and b comes by the score function,
 //! `b = E[grad log pi(a|s) A_f(s, a)]`, where A_f is the advantage of the cost `f = 2 (mean_pi k - mean_demo k)`. Points are
-//! the normalised state and the raw action, one below the other; the demonstration is normalised anew each iteration.
+//! the state in units of the demonstration ([`Standardizer`]) and the raw action, one below the other.
 
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
@@ -18,7 +18,7 @@ use super::{
     trust_region::Surrogate,
 };
 use crate::{
-    demo::{Bandwidth, Demonstration, Estimator, Kernel, mmd::Target},
+    demo::{Bandwidth, Demonstration, Estimator, Kernel, Standardizer, mmd::Target},
     nn::{GaussianPolicy, Mlp, Pass},
     quantity::constant,
     rng::{Rng, Seed, Stream},
@@ -56,18 +56,18 @@ impl Default for Hyperparameters {
 /// A demonstration to stay near to.
 pub struct Mimicry {
     hyperparameters: Hyperparameters,
-    /// Raw observations of the demonstration `[observation_dim x m]`.
+    /// Raw observations of the demonstration `[observation_dim x m]`, for the policy.
     observations: DMatrix<f64>,
-    /// Its actions `[action_dim x m]`.
-    actions: DMatrix<f32>,
+    standardizer: Standardizer,
+    /// The same in the kernel's units.
+    states: DMatrix<f32>,
+    target: Target,
     state: State,
     pass: Pass,
 }
 
 #[derive(Serialize, Deserialize)]
 struct State {
-    /// Set at the first measurement, and kept: a distance whose unit changed could not be held to a tolerance.
-    kernel: Option<Kernel>,
     /// The value network of the cost f, for `rollout`.
     value: Mlp,
     critic: Critic,
@@ -95,8 +95,8 @@ pub struct Descent {
 
 /// How D is known at other policies than that of the iteration.
 enum Nearby {
-    /// Measured again, at the same states.
-    DemoStates { states: DMatrix<f32>, target: Target },
+    /// Measured again, at the same states, which are the policy's inputs `[observation_dim x m]`.
+    DemoStates { inputs: DMatrix<f32> },
     /// To first order, by the importance-weighted advantages of the cost f `[n]`.
     Rollout { advantages: Vec<f64> },
 }
@@ -117,11 +117,17 @@ impl Mimicry {
         let widths = [&[demonstration.observations.nrows()], hidden, &[1]].concat();
         let value = Mlp::new(&widths, 0.0, &mut seed.stream(Stream::Network, 1));
         let critic = Critic::new(&value);
+        let standardizer = Standardizer::new(&demonstration.observations);
+        let states = standardizer.standardize(&demonstration.observations);
+        let points = stack(&states, &demonstration.actions.map(|action| action as f32));
+        let kernel = Kernel::new(hyperparameters.bandwidth, &points);
         Self {
-            hyperparameters,
             observations: demonstration.observations.clone(),
-            actions: demonstration.actions.map(|action| action as f32),
-            state: State { kernel: None, value, critic },
+            standardizer,
+            states,
+            target: Target::new(points, kernel, hyperparameters.estimator),
+            hyperparameters,
+            state: State { value, critic },
             pass: Pass::default(),
         }
     }
@@ -140,17 +146,17 @@ impl Mimicry {
         rng: &mut Rng,
     ) -> Result<Measured, AlgoError> {
         let Agent { policy, normalizer, .. } = agent;
-        let states = normalizer.normalize_columns(&self.observations);
-        let target = self.target(&states);
         match self.hyperparameters.samples {
             Samples::DemoStates => {
+                let inputs = normalizer.normalize_columns(&self.observations);
                 let mut gradient = vec![0.0; policy.dim()];
-                let mmd = demo_states(policy, &states, &target, &mut self.pass, Some(&mut gradient));
-                Ok(Measured { mmd: finite("D", mmd)?, gradient, nearby: Nearby::DemoStates { states, target } })
+                let mmd = self.at_states(policy, &inputs, Some(&mut gradient));
+                Ok(Measured { mmd: finite("D", mmd)?, gradient, nearby: Nearby::DemoStates { inputs } })
             }
             Samples::Rollout => {
                 let mut cost = vec![0.0; batch.len()];
-                let mmd = target.mmd_squared_witness(&stack(&batch.observations, &batch.actions), &mut cost);
+                let states = self.standardizer.standardize(&batch.raw_observations);
+                let mmd = self.target.mmd_squared_witness(&stack(&states, &batch.actions), &mut cost);
                 cost.iter_mut().for_each(|f| *f *= 2.0);
                 let State { value, critic, .. } = &mut self.state;
                 let estimate = gae::estimate(batch, &cost, value, costs.discount, costs.lambda, &mut self.pass);
@@ -166,7 +172,7 @@ impl Mimicry {
     /// actions relative to that policy's.
     pub fn at(&mut self, measured: &Measured, policy: &GaussianPolicy, ratios: &[f64]) -> f64 {
         match &measured.nearby {
-            Nearby::DemoStates { states, target } => demo_states(policy, states, target, &mut self.pass, None),
+            Nearby::DemoStates { inputs } => self.at_states(policy, inputs, None),
             Nearby::Rollout { advantages } => {
                 let change: f64 = ratios.iter().zip(advantages).map(|(ratio, a)| (ratio - 1.0) * a).sum();
                 measured.mmd + change / ratios.len() as f64
@@ -186,14 +192,13 @@ impl Mimicry {
         learning_rate: f64,
     ) -> Result<Descent, AlgoError> {
         let Agent { policy, normalizer, .. } = agent;
-        let states = normalizer.normalize_columns(&self.observations);
-        let target = self.target(&states);
+        let inputs = normalizer.normalize_columns(&self.observations);
         let mut optimizer = Adam::new(policy.dim());
         let mut gradient = vec![0.0; policy.dim()];
         let mut parameters = policy.parameters();
         let mut before = None;
         for step in 0.. {
-            let mmd = demo_states(policy, &states, &target, &mut self.pass, Some(&mut gradient));
+            let mmd = self.at_states(policy, &inputs, Some(&mut gradient));
             let before = *before.get_or_insert(finite("D", mmd)?);
             if mmd <= enough || step == steps {
                 return Ok(Descent { before, after: finite("D", mmd)?, steps: step });
@@ -217,32 +222,21 @@ impl Mimicry {
         Ok(())
     }
 
-    fn target(&mut self, states: &DMatrix<f32>) -> Target {
-        let points = stack(states, &self.actions);
-        let bandwidth = self.hyperparameters.bandwidth;
-        let kernel = *self.state.kernel.get_or_insert_with(|| Kernel::new(bandwidth, &points));
-        Target::new(points, kernel, self.hyperparameters.estimator)
-    }
-}
-
-/// D between the demonstration and `policy`'s mean actions at its `states`; and its gradient, where asked for.
-fn demo_states(
-    policy: &GaussianPolicy,
-    states: &DMatrix<f32>,
-    target: &Target,
-    pass: &mut Pass,
-    gradient: Option<&mut [f32]>,
-) -> f64 {
-    policy.forward(states, pass);
-    let points = stack(states, &pass.output().into_owned());
-    match gradient {
-        None => target.mmd_squared(&points),
-        Some(gradient) => {
-            let mut point_gradient = DMatrix::zeros(points.nrows(), points.ncols());
-            let mmd = target.mmd_squared_gradient(&points, &mut point_gradient);
-            let cotangent = point_gradient.rows(states.nrows(), points.nrows() - states.nrows()).into_owned();
-            policy.mean_gradient(states, pass, &cotangent, gradient);
-            mmd
+    /// D between the demonstration and `policy`'s mean actions at its states, which are `inputs` to the policy; and its
+    /// gradient, where asked for.
+    fn at_states(&mut self, policy: &GaussianPolicy, inputs: &DMatrix<f32>, gradient: Option<&mut [f32]>) -> f64 {
+        let Self { states, target, pass, .. } = self;
+        policy.forward(inputs, pass);
+        let points = stack(states, &pass.output().into_owned());
+        match gradient {
+            None => target.mmd_squared(&points),
+            Some(gradient) => {
+                let mut point_gradient = DMatrix::zeros(points.nrows(), points.ncols());
+                let mmd = target.mmd_squared_gradient(&points, &mut point_gradient);
+                let cotangent = point_gradient.rows(states.nrows(), points.nrows() - states.nrows()).into_owned();
+                policy.mean_gradient(inputs, pass, &cotangent, gradient);
+                mmd
+            }
         }
     }
 }
@@ -322,8 +316,7 @@ mod tests {
         let mut rng = Seed(6).stream(Stream::Update, 0);
         let measured = mimicry.measure(&agent, &batch, &surrogate, &mut pass, &costs(0.0), &mut rng).expect("finite");
 
-        let states = agent.normalizer.normalize_columns(&mimicry.observations);
-        let target = mimicry.target(&states);
+        let states = mimicry.standardizer.standardize(&batch.raw_observations);
         let direction = unit(&measured.gradient);
         let mut anew = |h: f64| {
             let policy = moved(&agent.policy, &direction, h);
@@ -332,7 +325,7 @@ mod tests {
             let actions = DMatrix::from_fn(1, N, |_, i| {
                 pass.output()[(0, i)] + stretch * (batch.actions[(0, i)] - means[(0, i)])
             });
-            target.mmd_squared(&stack(&batch.observations, &actions))
+            mimicry.target.mmd_squared(&stack(&states, &actions))
         };
         let slope = (anew(0.02) - anew(-0.02)) / 0.04;
         let expected = dot(&measured.gradient, &direction);

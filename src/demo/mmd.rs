@@ -1,7 +1,7 @@
 //! MMD^2 between two samples (appendix, Eq. 4), its gradient and its witness function.
 //!
 //! Owns the estimators over kernel values. Knows nothing of where samples come from: a point is a column of numbers, for
-//! MCPO the normalised observation above the raw action. Start at [`Target`].
+//! MCPO the standardised observation above the raw action. Start at [`Target`].
 //!
 //! Kernel values are f32 with a relative error below 1e-5 for points of squared norm below 50 (about the demonstration's
 //! mean); their sums are f64 in a fixed order. Memory is one block of kernel values beside the points, whatever their

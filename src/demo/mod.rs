@@ -1,6 +1,6 @@
 //! Demonstrations, and how far a policy is from one.
 //!
-//! Owns the Parquet format, import, verification by re-simulation, the Gaussian kernel and the MMD. Knows nothing of
+//! Owns the Parquet format, import, verification by re-simulation, the Gaussian kernel, its units and the MMD. Knows nothing of
 //! networks or updates. Start at [`Demonstration`] and [`mmd`].
 
 pub mod import;
@@ -8,6 +8,7 @@ mod kernel;
 pub mod mmd;
 mod pairs;
 mod parquet;
+mod standardizer;
 mod verify;
 
 use std::{
@@ -19,6 +20,7 @@ use nalgebra::DMatrix;
 
 pub use kernel::{Bandwidth, Kernel};
 pub use mmd::Estimator;
+pub use standardizer::Standardizer;
 pub use verify::{Deviation, Tolerance, verify};
 
 use crate::env::{EnvError, EnvId, Pose};

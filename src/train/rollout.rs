@@ -75,6 +75,7 @@ impl Rollout {
         let (observation_dim, action_dim) = (spaces.observation_dim, spaces.action_dim);
         let samples = steps * tasks.len();
         let mut observations = DMatrix::<f32>::zeros(observation_dim, samples);
+        let mut raw_observations = DMatrix::<f64>::zeros(observation_dim, samples);
         let mut actions = DMatrix::<f32>::zeros(action_dim, samples);
         let mut rewards = vec![0.0; samples];
         let mut segments: Vec<Vec<Segment>> = vec![Vec::new(); tasks.len()];
@@ -101,9 +102,10 @@ impl Rollout {
                     actions[(row, sample)] = means[(row, index)] + std * noise;
                 }
             }
-            for index in 0..tasks.len() {
+            for (index, lane) in lanes.iter().enumerate() {
                 let sample = index * steps + t;
                 observations.column_mut(sample).copy_from(&inputs.column(index));
+                raw_observations.column_mut(sample).copy_from_slice(&lane.observation);
             }
             let began = Instant::now();
             for (index, (task, lane)) in tasks.iter_mut().zip(lanes.iter_mut()).enumerate() {
@@ -134,7 +136,7 @@ impl Rollout {
                 segments[index].push(Segment { range: starts[index]..end, end: end_of_segment });
             }
         }
-        let batch = Batch { observations, actions, rewards, segments: segments.concat() };
+        let batch = Batch { observations, raw_observations, actions, rewards, segments: segments.concat() };
         Ok(Collected { batch, episodes: episodes.concat(), physics })
     }
 

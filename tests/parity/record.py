@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Records transitions of Gymnasium's own environments, in the demonstration format.
 
-    pip install "gymnasium[mujoco]==1.4.0" mujoco==3.17.0 pyarrow
+    pip install "gymnasium[mujoco]==1.4.0" mujoco==3.17.0 packaging pyarrow
     python record.py                                     # the committed files again, beside this script
     python record.py --env Hopper-v2 --seed 1 --episodes 5 --actions normal --out hopper.parquet
 
