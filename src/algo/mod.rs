@@ -19,6 +19,8 @@ pub mod penalty;
 pub mod pofd;
 pub mod ppo;
 pub mod pretraining;
+#[cfg(test)]
+mod reference;
 mod stopwatch;
 pub mod trpo;
 pub mod trust_region;
