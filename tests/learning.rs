@@ -1,16 +1,22 @@
 //! What each method learns on the real tasks in seconds, beside the same method without its defining part.
 //!
-//! Networks are small and rates high, for speed; the margins are several times what other seeds differ by. Where the
-//! tasks themselves are too easy or too hard for that, `algo`'s own tests show the same on a task of one step.
+//! Networks are small and rates high, for speed. Where the tasks themselves are too easy or too hard for that, `algo`'s own
+//! tests show the same on a task of one step. Last, what the rollout's MMD tells apart, which decides its bandwidth and d.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use mcpo_run::{
-    algo::Agent,
+    algo::{Agent, cloning},
+    demo::{Bandwidth, Demonstration, Estimator, Kernel, mmd::Target},
+    env::{EnvId, Reward, Task},
+    nn::{GaussianPolicy, Mlp, Normalizer},
     plan,
+    quantity::constant,
+    rng::{Seed, Stream},
     spec::{self, Overrides},
-    train::{self, EvaluationEpisode, Flow, Iteration, RunSink, SinkError},
+    train::{self, EvaluationEpisode, Flow, Iteration, RunSink, SinkError, rollout::Rollout},
 };
+use nalgebra::DMatrix;
 
 #[derive(Default)]
 struct Evaluations(Vec<EvaluationEpisode>);
@@ -30,12 +36,17 @@ impl RunSink for Evaluations {
     }
 }
 
+/// The committed demonstration of an environment.
+fn committed(env: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments/demos").join(env).with_extension("parquet")
+}
+
 /// Mean dense returns of the first and the last evaluation of a run of 20 iterations.
 fn returns(algorithm: &str, env: &str, more: &str) -> (f64, f64) {
     let text = format!(
         r#"
         name = "learning"
-        demonstrations = "{}/experiments/demos/{env}.parquet"
+        demonstrations = "{}"
         budget.env_steps = 40960
         rollout.steps = 2048
         network.hidden = [32, 32]
@@ -46,7 +57,7 @@ fn returns(algorithm: &str, env: &str, more: &str) -> (f64, f64) {
         env = ["{env}"]
         algorithm = ["{algorithm}"]
         "#,
-        env!("CARGO_MANIFEST_DIR")
+        committed(env).display()
     );
     let spec = spec::parse(Path::new("learning.toml"), &text, &Overrides::default()).unwrap_or_else(|e| panic!("{e}"));
     let run = plan::plan(&spec).expect("one run").remove(0);
@@ -114,8 +125,64 @@ fn pofd_balances_by_its_discriminator_where_the_task_pays_nothing() {
 }
 
 #[test]
+fn mcpo_balances_by_its_constraint_from_the_rollout_where_the_task_pays_nothing() {
+    let mcpo = "algorithms.mcpo = { d = 0.03, max_kl = 2e-2, mmd = { samples = \"rollout\", bandwidth = \"median\" } }";
+    let with = returns("mcpo", "InvertedPendulum-v2", &format!("{UNPAID}\n{mcpo}"));
+    let without = returns("trpo", "InvertedPendulum-v2", &format!("{UNPAID}\nalgorithms.trpo.max_kl = 2e-2"));
+    assert!(with.1 > 500.0 && without.1 < 100.0, "{with:?} with it, {without:?} without");
+}
+
+#[test]
 fn gail_balances_by_its_discriminator_alone() {
     let gail = "algorithms.gail.discriminator.learning_rate = 3e-3\nalgorithms.gail.trpo.max_kl = 2e-2";
     let (start, end) = returns("gail", "InvertedPendulum-v2", &format!("{UNPAID}\n{gail}"));
     assert!(start < 100.0 && end > 500.0, "from {start} to {end}");
+}
+
+/// States above actions.
+fn pairs(states: &DMatrix<f32>, actions: &DMatrix<f32>) -> DMatrix<f32> {
+    let rows: Vec<_> = states.row_iter().chain(actions.row_iter()).collect();
+    DMatrix::from_rows(&rows)
+}
+
+/// MMD^2 to the demonstration from a rollout of 4,096 steps, with sigma 1 and with the median: of a policy with the standard
+/// deviation `std` that was cloned, or just began.
+fn rollout_mmd(env: EnvId, cloned: bool, std: f64) -> [f64; 2] {
+    let demonstration = Demonstration::read_for(&committed(env.name()), env).expect("committed");
+    let (observation_dim, action_dim) = (demonstration.observations.nrows(), demonstration.actions.nrows());
+    let mut rng = Seed(0).stream(Stream::Network, 0);
+    let mut agent = Agent {
+        policy: GaussianPolicy::new(observation_dim, &[64, 64], action_dim, std, &mut rng),
+        value: Mlp::new(&[observation_dim, 64, 1], 0.0, &mut rng),
+        normalizer: Normalizer::new(observation_dim, 10.0),
+    };
+    if cloned {
+        let long = cloning::Hyperparameters {
+            epochs: constant(300),
+            learning_rate: constant(1e-3),
+            ..cloning::Hyperparameters::for_env(env)
+        };
+        cloning::clone_behaviour(&long, &demonstration, &mut agent, &mut rng, |_, _, _| {}).expect("finite");
+    }
+    let tasks = (0..8).map(|_| Task::new(env, Reward::Dense, 1000).expect("a task")).collect();
+    let batch = Rollout::new(tasks, Seed(1)).collect(&mut agent, 512).expect("physics").batch;
+    let samples = pairs(&batch.observations, &batch.actions);
+    let states = agent.normalizer.normalize_columns(&demonstration.observations);
+    let points = pairs(&states, &demonstration.actions.map(|action| action as f32));
+    [Bandwidth::Fixed(constant(1.0)), Bandwidth::Median].map(|bandwidth| {
+        Target::new(points.clone(), Kernel::new(bandwidth, &points), Estimator::V).mmd_squared(&samples)
+    })
+}
+
+/// Prints the table behind the rollout reading's settings in `experiments/studies/first-look.toml`.
+#[test]
+fn from_a_rollout_the_median_bandwidth_tells_a_clone_from_a_beginner_and_sigma_1_does_not() {
+    println!("{:15} {:>28} {:>28} {:>28}", "sigma 1, median", "beginner, std 0.5", "clone, std 0.5", "clone, std 0.2");
+    for env in [EnvId::HalfCheetah, EnvId::Hopper, EnvId::Walker2d] {
+        let [beginner, clone, calm] = [(false, 0.5), (true, 0.5), (true, 0.2)].map(|(c, std)| rollout_mmd(env, c, std));
+        let show = |[fixed, median]: [f64; 2]| format!("{fixed:.4}, {median:.4}");
+        println!("{env:15} {:>28} {:>28} {:>28}", show(beginner), show(clone), show(calm));
+        assert!(clone[1] < 0.8 * beginner[1] && calm[1] < 0.8 * beginner[1], "{env}: the median");
+        assert!(clone[0] > 0.8 * beginner[0], "{env}: sigma 1 was expected to see no likeness in a clone");
+    }
 }
