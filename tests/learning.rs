@@ -176,6 +176,7 @@ fn rollout_mmd(env: EnvId, cloned: bool, std: f64) -> [f64; 2] {
 
 /// Prints the table behind the rollout reading's settings in `experiments/studies/first-look.toml`.
 #[test]
+#[expect(clippy::print_stdout, reason = "the table is asked for with --nocapture")]
 fn from_a_rollout_the_median_bandwidth_tells_a_clone_from_a_beginner_and_sigma_1_does_not() {
     println!("{:15} {:>28} {:>28} {:>28}", "sigma 1, median", "beginner, std 0.5", "clone, std 0.5", "clone, std 0.2");
     for env in [EnvId::HalfCheetah, EnvId::Hopper, EnvId::Walker2d] {
