@@ -18,6 +18,14 @@ pub struct Adversarial {
     pub inner: Box<dyn OnPolicy>,
 }
 
+impl Adversarial {
+    /// The rewards of `batch` that are trained on `[n]`.
+    pub(super) fn rewards(&mut self, batch: &Batch) -> Vec<f64> {
+        let imitation = self.discriminator.imitation_rewards(batch);
+        batch.rewards.iter().zip(imitation).map(|(r, imitation)| self.task * r + self.imitation * imitation).collect()
+    }
+}
+
 impl OnPolicy for Adversarial {
     fn agent(&self) -> &Agent {
         self.inner.agent()
@@ -29,10 +37,7 @@ impl OnPolicy for Adversarial {
 
     fn update(&mut self, batch: &Batch, rng: &mut Rng) -> Result<Update, AlgoError> {
         let loss = self.discriminator.update(batch, &self.inner.agent().normalizer)?;
-        let mut relabelled = batch.clone();
-        for (reward, imitation) in relabelled.rewards.iter_mut().zip(self.discriminator.imitation_rewards(batch)) {
-            *reward = self.task * *reward + self.imitation * imitation;
-        }
+        let relabelled = Batch { rewards: self.rewards(batch), ..batch.clone() };
         Ok(Update { discriminator_loss: Some(loss), ..self.inner.update(&relabelled, rng)? })
     }
 

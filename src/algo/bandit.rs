@@ -21,9 +21,11 @@ pub fn agent(std: f64) -> Agent {
     }
 }
 
-/// `n` episodes of one step: the observation is uniform in [-1, 1], the reward `reward(observation, action)`.
+/// `n` episodes of one step: the raw observation is uniform in [-1, 1], the reward `reward(observation, action)`. The
+/// agent's normaliser is used, and left as it is.
 pub fn batch(agent: &Agent, n: usize, reward: impl Fn(f64, f64) -> f64, rng: &mut Rng) -> Batch {
-    let observations = DMatrix::from_fn(1, n, |_, _| rng.random_range(-1.0f32..1.0));
+    let raw = DMatrix::from_fn(1, n, |_, _| f64::from(rng.random_range(-1.0f32..1.0)));
+    let observations = agent.normalizer.normalize_columns(&raw);
     let mut pass = Pass::default();
     agent.policy.forward(&observations, &mut pass);
     let std = agent.policy.log_std()[0].exp();
@@ -31,7 +33,7 @@ pub fn batch(agent: &Agent, n: usize, reward: impl Fn(f64, f64) -> f64, rng: &mu
         let noise: f32 = StandardNormal.sample(rng);
         pass.output()[(0, i)] + std * noise
     });
-    let rewards = observations.iter().zip(&actions).map(|(&s, &a)| reward(s.into(), a.into())).collect();
+    let rewards = raw.iter().zip(&actions).map(|(&s, &a)| reward(s, a.into())).collect();
     let segments = (0..n).map(|i| Segment { range: i..i + 1, end: SegmentEnd::Terminated }).collect();
     Batch { raw_observations: observations.map(f64::from), observations, actions, rewards, segments }
 }
@@ -53,8 +55,8 @@ pub fn demonstration(m: usize, action: impl Fn(f64) -> f64) -> Demonstration {
 
 /// The mean reward of the policy's mean action.
 pub fn score(agent: &Agent, reward: impl Fn(f64, f64) -> f64) -> f64 {
-    let observations = DMatrix::from_fn(1, 101, |_, i| i as f32 / 50.0 - 1.0);
+    let raw = DMatrix::from_fn(1, 101, |_, i| i as f64 / 50.0 - 1.0);
     let mut pass = Pass::default();
-    agent.policy.forward(&observations, &mut pass);
-    observations.iter().zip(pass.output().iter()).map(|(&s, &a)| reward(s.into(), a.into())).sum::<f64>() / 101.0
+    agent.policy.forward(&agent.normalizer.normalize_columns(&raw), &mut pass);
+    raw.iter().zip(pass.output().iter()).map(|(&s, &a)| reward(s, a.into())).sum::<f64>() / 101.0
 }

@@ -125,7 +125,7 @@ fn loss(
 mod tests {
     use super::*;
     use crate::{
-        algo::bandit,
+        algo::{bandit, reference},
         rng::{Seed, Stream},
     };
 
@@ -150,13 +150,9 @@ mod tests {
         for loss in [Loss::Mse, Loss::Nll] {
             let (losses, agent) = cloned(loss);
             assert_eq!(losses.len(), 100);
-            // The normaliser scales the observation by the demonstration's deviation; the policy has to undo that.
-            let mut normalized = [0.0];
-            agent.normalizer.normalize(&[0.4], &mut normalized);
-            let mut pass = Pass::default();
-            agent.policy.forward(&DMatrix::from_element(1, 1, normalized[0]), &mut pass);
-            let action = pass.output()[(0, 0)];
-            assert!((action + 0.8).abs() < 0.05, "{loss:?}: {action}");
+            let likeness = |agent| bandit::score(agent, |s, a| -(a - 0.5 * s + 1.0).powi(2));
+            let (before, after) = (likeness(&bandit::agent(0.5)), likeness(&agent));
+            assert!(before < -1.0 && after > -0.003, "{loss:?}: from {before} to {after}");
         }
     }
 
@@ -164,6 +160,41 @@ mod tests {
     fn only_the_likelihood_learns_the_standard_deviation() {
         assert_eq!(cloned(Loss::Mse).1.policy.log_std(), bandit::agent(0.5).policy.log_std());
         assert!(cloned(Loss::Nll).1.policy.log_std()[0] < -1.0);
+    }
+
+    #[test]
+    fn losses_gradients_and_a_step_are_numpys() {
+        let reference = reference::reference();
+        let demonstration = Demonstration {
+            observations: reference::columns(&reference.observations),
+            actions: reference::columns(&reference.actions),
+            terminated: vec![false; 12],
+            truncated: vec![false; 12],
+            ..bandit::demonstration(12, |s| s)
+        };
+        let actions = demonstration.actions.map(|action| action as f32);
+        for (kind, expected) in [(Loss::Mse, &reference.cloning.mse), (Loss::Nll, &reference.cloning.nll)] {
+            let mut agent = reference.agent(&reference.policy);
+            let normalizer = Normalizer::from_columns(&demonstration.observations, 10.0);
+            let inputs = normalizer.normalize_columns(&demonstration.observations);
+            let mut gradient = vec![f32::NAN; agent.policy.dim()];
+            let got = loss(kind, &agent.policy, &inputs, &actions, &mut Pass::default(), Some(&mut gradient));
+            reference::assert_near(&[got], &[expected.loss], 10.0 * reference::ROUNDING);
+            reference::assert_near(&gradient, &expected.gradient, 10.0 * reference::ROUNDING);
+
+            let hyperparameters = Hyperparameters {
+                epochs: constant(1),
+                learning_rate: constant(1e-2),
+                minibatch: constant(12),
+                loss: kind,
+            };
+            let mut rng = Seed(0).stream(Stream::Pretraining, 0);
+            let mut after = f64::NAN;
+            clone_behaviour(&hyperparameters, &demonstration, &mut agent, &mut rng, |_, loss, _| after = loss)
+                .expect("finite");
+            reference::assert_near(&[after], &[expected.loss_after], 10.0 * reference::ROUNDING);
+            reference::assert_near(&agent.policy.parameters(), &expected.after, reference::ROUNDING);
+        }
     }
 
     #[test]

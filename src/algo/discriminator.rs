@@ -3,7 +3,8 @@
 //! Owns the classifier and its one update an iteration. Knows nothing of rewards' weights. Start at [`Discriminator`].
 //!
 //! `D(s, a)` is near 1 on the agent's pairs and near 0 on the demonstration's (Kang et al., 2018), so that `-log D` rewards
-//! what looks like the demonstration. The network's output is D's logit.
+//! what looks like the demonstration. The network's output is D's logit. It sees normalised observations, the demonstration's
+//! normalised anew each iteration, and has neither the entropy bonus of some codes nor Table 1's L2 penalty.
 
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
@@ -130,7 +131,15 @@ fn softplus(x: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::algo::bandit;
+    use crate::{
+        algo::{
+            adversarial::Adversarial,
+            bandit,
+            ppo::{self, Ppo},
+            reference,
+        },
+        env::EnvId,
+    };
 
     #[test]
     fn softplus_and_sigmoid_hold_at_large_arguments() {
@@ -138,6 +147,27 @@ mod tests {
         assert_eq!(softplus(-800.0), 0.0);
         assert!((softplus(0.3) - (1.0 + 0.3f64.exp()).ln()).abs() < 1e-15);
         assert_eq!((sigmoid(-800.0), sigmoid(800.0)), (0.0, 1.0));
+    }
+
+    #[test]
+    fn its_loss_a_step_and_the_new_rewards_are_numpys() {
+        let reference = reference::reference();
+        let expected = &reference.discriminator;
+        let demonstration = Demonstration {
+            observations: reference::columns(&expected.demonstration_observations),
+            actions: reference::columns(&expected.demonstration_actions),
+            ..bandit::demonstration(7, |s| s)
+        };
+        let hyperparameters = Hyperparameters { learning_rate: constant(1e-2), updates: constant(1) };
+        let mut discriminator = Discriminator::new(hyperparameters, &demonstration, &reference::HIDDEN, Seed(0));
+        discriminator.state.network.parameters_mut().copy_from_slice(&expected.network);
+        let (batch, agent) = (reference.batch(), reference.agent(&reference.policy));
+        let loss = discriminator.update(&batch, &agent.normalizer).expect("finite");
+        reference::assert_near(&[loss], &[expected.loss], reference::ROUNDING);
+        reference::assert_near(discriminator.state.network.parameters(), &expected.after, reference::ROUNDING);
+        let inner = Box::new(Ppo::new(ppo::Hyperparameters::for_env(EnvId::Hopper), agent));
+        let mut pofd = Adversarial { discriminator, task: 1.0, imitation: 0.1, inner };
+        reference::assert_near(&pofd.rewards(&batch), &expected.rewards, reference::ROUNDING);
     }
 
     #[test]

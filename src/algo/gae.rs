@@ -73,7 +73,7 @@ fn bootstrap_values(batch: &Batch, value: &Mlp, pass: &mut Pass) -> Vec<f64> {
 mod tests {
     use super::*;
     use crate::{
-        algo::Segment,
+        algo::{Segment, reference},
         rng::{Seed, Stream},
     };
 
@@ -95,6 +95,15 @@ mod tests {
                 Segment { range: 4..7, end: cut(0.5) },
             ],
         }
+    }
+
+    #[test]
+    fn advantages_and_returns_are_numpys() {
+        let reference = reference::reference();
+        let (batch, agent) = (reference.batch(), reference.agent(&reference.policy));
+        let got = estimate(&batch, &batch.rewards, &agent.value, 0.9, 0.7, &mut Pass::default());
+        reference::assert_near(&got.advantages, &reference.gae.advantages, reference::ROUNDING);
+        reference::assert_near(&got.returns, &reference.gae.returns, reference::ROUNDING);
     }
 
     /// The definition: the sum over later steps of (discount lambda)^l times the TD error, term by term.

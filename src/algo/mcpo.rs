@@ -15,7 +15,8 @@
 //!
 //! What the appendix leaves open, and what is done here: `c = d_k - D(theta_k)`; D is MMD^2; the line search halves the step
 //! until the real KL, the real surrogate and the real D agree with it; advantages are not normalised; the value network is
-//! fitted after the policy's step, so that advantages come from a network that has not seen the batch.
+//! fitted after the policy's step, so that advantages come from a network that has not seen the batch; the tolerance grows in
+//! iterations of recovery too. Table 1's Adam serves the value network and recovery: the policy's step is in closed form.
 
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};

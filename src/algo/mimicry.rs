@@ -5,8 +5,14 @@
 //! The appendix does not say which samples stand for the policy. In `demo_states` they are the demonstration's states with
 //! the policy's mean action there, and b comes by backpropagation; Table 2's tolerances fit this reading. In `rollout`
 //! they are the agent's own state-action pairs, and b comes by the score function,
-//! `b = E[grad log pi(a|s) A_f(s, a)]`, where A_f is the advantage of the cost `f = 2 (mean_pi k - mean_demo k)`. Points are
-//! the state in units of the demonstration ([`Standardizer`]) and the raw action, one below the other.
+//! `b = E[grad log pi(a|s) A_f(s, a)]`, where A_f is the advantage of the cost `f = 2 (mean_pi k - mean_demo k)`, taken from
+//! its mean over the rollout. D compares samples that weigh alike, whose number does not change when an episode ends and
+//! another begins: what follows an end is a mean step, of cost 0. Without the subtraction a far policy, whose every step
+//! costs, would be told to end its episodes. Points are the state in units of the demonstration ([`Standardizer`]) and the
+//! raw action, one below the other.
+//!
+//! Eq. (2) weighs the step t by `gamma^t`, Eq. (4) all alike. D follows Eq. (4); gamma and GAE's lambda enter b as they
+//! enter g, to trade its variance for bias.
 
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
@@ -157,7 +163,8 @@ impl Mimicry {
                 let mut cost = vec![0.0; batch.len()];
                 let states = self.standardizer.standardize(&batch.raw_observations);
                 let mmd = self.target.mmd_squared_witness(&stack(&states, &batch.actions), &mut cost);
-                cost.iter_mut().for_each(|f| *f *= 2.0);
+                let mean = cost.iter().sum::<f64>() / cost.len() as f64;
+                cost.iter_mut().for_each(|f| *f = 2.0 * (*f - mean));
                 let State { value, critic, .. } = &mut self.state;
                 let estimate = gae::estimate(batch, &cost, value, costs.discount, costs.lambda, &mut self.pass);
                 critic.fit(value, &batch.observations, &estimate.returns, costs.fit, rng)?;
@@ -252,7 +259,10 @@ pub(super) fn stack(states: &DMatrix<f32>, actions: &DMatrix<f32>) -> DMatrix<f3
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{algo::bandit, solver::dot};
+    use crate::{
+        algo::{Segment, SegmentEnd, bandit},
+        solver::dot,
+    };
 
     fn mimicry(samples: Samples, demonstration: &Demonstration) -> Mimicry {
         let hyperparameters = Hyperparameters { samples, ..Hyperparameters::default() };
@@ -331,6 +341,41 @@ mod tests {
         let expected = dot(&measured.gradient, &direction);
         // The score function's Monte Carlo error inflates |b|: about 2 % of it with 6000 samples; five times that.
         assert!((slope - expected).abs() < 0.1 * expected, "{slope} against {expected}");
+    }
+
+    /// Every step's action is drawn alike, but one above 0.3 ends its episode. The samples' distribution is then the
+    /// policy's, however long episodes are, and so is D's slope, which backpropagation through the actions tells exactly.
+    #[test]
+    fn an_episodes_end_is_neither_a_gain_nor_a_loss() {
+        const N: usize = 8000;
+        let demonstration = bandit::demonstration(200, |_| 1.5);
+        let agent = bandit::agent(0.5);
+        let mut mimicry = mimicry(Samples::Rollout, &demonstration);
+        let mut batch = bandit::batch(&agent, N, |_, _| 0.0, &mut Seed(7).stream(Stream::Action, 0));
+        batch.segments.clear();
+        let mut start = 0;
+        for end in (1..=N).filter(|&end| batch.actions[(0, end - 1)] > 0.3) {
+            batch.segments.push(Segment { range: start..end, end: SegmentEnd::Terminated });
+            start = end;
+        }
+        batch.segments.push(Segment { range: start..N, end: SegmentEnd::Bootstrapped { last_observation: vec![0.0] } });
+        let advantages = vec![0.0; N];
+        let mut pass = Pass::default();
+        let surrogate = Surrogate::new(&agent.policy, &batch, &advantages, &mut pass);
+        let noise = &batch.actions - pass.output();
+        let mut rng = Seed(7).stream(Stream::Update, 0);
+        let measured = mimicry.measure(&agent, &batch, &surrogate, &mut pass, &costs(0.99), &mut rng).expect("finite");
+
+        let points = stack(&mimicry.standardizer.standardize(&batch.raw_observations), &batch.actions);
+        let mut by_points = DMatrix::zeros(2, N);
+        mimicry.target.mmd_squared_gradient(&points, &mut by_points);
+        let by_actions = by_points.rows(1, 1).into_owned();
+        let mut expected = vec![0.0; agent.policy.dim()];
+        agent.policy.mean_gradient(&batch.observations, &mut pass, &by_actions, &mut expected);
+        *expected.last_mut().expect("log_std") = by_actions.dot(&noise);
+        let error: Vec<f32> = measured.gradient.iter().zip(&expected).map(|(b, e)| b - e).collect();
+        let relative = (dot(&error, &error) / dot(&expected, &expected)).sqrt();
+        assert!(relative < 0.15, "{relative}");
     }
 
     #[test]

@@ -3,6 +3,9 @@
 //!
 //! Owns what MCPO replaces: `maximise E[(pi/pi_k) A] - w_k D(pi)` under the KL alone, `w_k+1 = w_k (1 - epsilon)`. Knows
 //! nothing of how D is measured. Start at [`Penalty`].
+//!
+//! The surrogate is a mean over steps, and its gradient that of `(1 - gamma)` times the discounted return: the main paper's
+//! penalty `eta - lambda D` on the return is `w = (1 - gamma) lambda` here. Its weights are not known; 1 is this project's.
 
 use serde::{Deserialize, Serialize};
 
@@ -28,7 +31,7 @@ use crate::{
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Hyperparameters {
-    /// w, the weight of MMD^2 at the first iteration, in units of the discounted return.
+    /// w, the weight of MMD^2 at the first iteration, in units of a step's advantage: `1 - gamma` of the discounted return's.
     pub weight: NonNegative,
     /// How fast the weight shrinks: `w_k+1 = w_k (1 - epsilon)`; 0 keeps it.
     pub epsilon: UnitInterval,

@@ -3,7 +3,8 @@
 //! Owns how its parts go together. Knows nothing of the discriminator's or the policy's update. Start at [`pofd`].
 //!
 //! As in the paper's Algorithm 1: one update of the discriminator, new rewards, one update of the policy. The appendix does
-//! not say which policy update; PPO is what its other first-order rows use.
+//! not say which policy update; PPO is what its other first-order rows use. The printed algorithm's misprints, `r(a, b)` and
+//! the sign of the entropy's gradient, are not followed.
 
 use serde::{Deserialize, Serialize};
 

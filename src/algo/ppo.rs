@@ -2,6 +2,11 @@
 //!
 //! Owns the clipped update, which every first-order method here shares. Knows nothing of where rewards come from: others
 //! hand it a batch with theirs. Start at [`Ppo`].
+//!
+//! The paper names the clipping, the rate, the penalty and the batch of Table 1. Not from it: 10 epochs, advantages scaled in
+//! each minibatch, gradients clipped at 0.5, no annealing of rate or clipping. Table 1's "batch size" is the minibatch here:
+//! a rollout of 64 steps would be shorter than MountainCar's demonstration. Its L2 penalty is on the value network alone,
+//! and decoupled; see [`critic::Fit`].
 
 use nalgebra::DMatrix;
 use rand::seq::SliceRandom;
@@ -241,7 +246,7 @@ impl OnPolicy for Ppo {
 mod tests {
     use super::*;
     use crate::{
-        algo::bandit,
+        algo::{bandit, reference},
         rng::{Seed, Stream},
     };
 
@@ -288,6 +293,27 @@ mod tests {
         train(&mut ppo, 30, reward, &mut Seed(0).stream(Stream::Update, 0));
         let after = bandit::score(ppo.agent(), reward);
         assert!(before < -0.25 && after > -0.02, "from {before} to {after}");
+    }
+
+    #[test]
+    fn the_gradient_of_the_clipped_surrogate_and_a_step_are_numpys() {
+        let reference = reference::reference();
+        let (batch, other) = (reference.batch(), reference.agent(&reference.other_policy));
+        let (mut pass, mut old) = (Pass::default(), vec![0.0; 12]);
+        other.policy.forward(&batch.observations, &mut pass);
+        other.policy.log_densities(pass.output(), &batch.actions, &mut old);
+        let unbounded = Hyperparameters {
+            learning_rate: constant(1e-2),
+            max_gradient_norm: constant(1e6),
+            ..Hyperparameters::for_env(EnvId::Hopper)
+        };
+        let mut ppo = Ppo::new(unbounded, reference.agent(&reference.policy));
+        let Ppo { hyperparameters, state: State { agent, optimizer, .. }, buffers } = &mut ppo;
+        let (advantages, order): (_, Vec<usize>) = (&reference.ppo.advantages, (0..12).collect());
+        let outside = step(hyperparameters, agent, optimizer, &batch, advantages, &old, &order, buffers);
+        assert_eq!(outside, reference.ppo.outside);
+        reference::assert_near(&buffers.gradient, &reference.ppo.gradient, 10.0 * reference::ROUNDING);
+        reference::assert_near(&agent.policy.parameters(), &reference.ppo.after, reference::ROUNDING);
     }
 
     /// The clipped surrogate written out sample by sample, and its slope by finite differences.

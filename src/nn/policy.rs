@@ -1,4 +1,5 @@
-//! The diagonal Gaussian policy: a network's mean, and a standard deviation that does not depend on the state.
+//! The diagonal Gaussian policy: a network's mean, and a standard deviation that does not depend on the state (the authors'
+//! later code has one that does; the paper is silent).
 
 use nalgebra::{DMatrix, DMatrixView};
 use serde::{Deserialize, Serialize};

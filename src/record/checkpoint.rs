@@ -1,20 +1,20 @@
 //! The state from which an interrupted run goes on.
 //!
-//! A file: a line that names the format and its version, the run's fingerprint, the payload's BLAKE3 digest, the payload
-//! (postcard). What does not fit is refused with the reason, and left where it is.
+//! A sealed file: a line that names the format and its version, the run's fingerprint, the payload's BLAKE3 digest, the
+//! payload (postcard). What does not fit is refused with the reason, and left where it is.
 
 use std::path::Path;
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 use super::{RecordError, read_bounded, write_atomically};
 use crate::train::{EvaluationEpisode, Iteration};
 
-/// How every checkpoint begins, up to the version.
-const NAME: &[u8] = b"mcpo-run checkpoint ";
-/// The version of the payload; raise it when [`Checkpoint`] or whatever is inside `state` changes its shape.
+/// What a checkpoint's first line says.
+const NAME: &str = "mcpo-run checkpoint";
+/// The version of payloads; raise it when [`Checkpoint`], whatever is inside `state`, or an agent changes its shape.
 const VERSION: u32 = 1;
-/// The largest checkpoint that is read, bytes.
+/// The largest sealed file that is read, bytes.
 const LIMIT: u64 = 4 << 30;
 const DIGEST: usize = 64; // hexadecimal
 
@@ -41,27 +41,43 @@ impl Checkpoint {
     ///
     /// Errors: the disk refuses; the checkpoint before is then still there.
     pub fn write(&self, path: &Path, fingerprint: &str) -> Result<(), RecordError> {
-        let payload = postcard::to_stdvec(self).map_err(|error| malformed(path, error.to_string()))?;
-        let mut bytes = Vec::with_capacity(payload.len() + 256);
-        bytes.extend_from_slice(NAME);
-        bytes.extend_from_slice(format!("{VERSION}\n{fingerprint}\n").as_bytes());
-        bytes.extend_from_slice(blake3::hash(&payload).to_hex().as_bytes());
-        bytes.push(b'\n');
-        bytes.extend_from_slice(&payload);
-        write_atomically(path, &bytes)
+        write_sealed(path, NAME, fingerprint, self)
     }
 
     /// Reads the checkpoint of the run with `fingerprint`; `None` where there is none.
     ///
     /// Errors: it is of another version or run, or damaged. The file is left alone.
     pub fn read(path: &Path, fingerprint: &str) -> Result<Option<Self>, RecordError> {
-        let Some(bytes) = read_bounded(path, LIMIT)? else { return Ok(None) };
-        decode(&bytes, fingerprint).map(Some).map_err(|reason| malformed(path, reason))
+        read_sealed(path, NAME, fingerprint)
     }
 }
 
-fn decode(bytes: &[u8], fingerprint: &str) -> Result<Checkpoint, String> {
-    let rest = bytes.strip_prefix(NAME).ok_or("it does not begin as a checkpoint does")?;
+/// Writes `content` with the line that `name` is, what it was `written_for`, and its digest; whole or not at all.
+pub(super) fn write_sealed<T: Serialize>(
+    path: &Path,
+    name: &str,
+    written_for: &str,
+    content: &T,
+) -> Result<(), RecordError> {
+    let payload = postcard::to_stdvec(content).map_err(|error| malformed(path, error.to_string()))?;
+    let digest = blake3::hash(&payload).to_hex();
+    let head = format!("{name} {VERSION}\n{written_for}\n{digest}\n");
+    write_atomically(path, &[head.as_bytes(), &payload].concat())
+}
+
+/// Reads what [`write_sealed`] wrote under the same name and for the same; `None` where there is no such file.
+pub(super) fn read_sealed<T: DeserializeOwned>(
+    path: &Path,
+    name: &str,
+    written_for: &str,
+) -> Result<Option<T>, RecordError> {
+    let Some(bytes) = read_bounded(path, LIMIT)? else { return Ok(None) };
+    unsealed(&bytes, name, written_for).map(Some).map_err(|reason| malformed(path, reason))
+}
+
+fn unsealed<T: DeserializeOwned>(bytes: &[u8], name: &str, fingerprint: &str) -> Result<T, String> {
+    let rest = bytes.strip_prefix(name.as_bytes()).and_then(|rest| rest.strip_prefix(b" "));
+    let rest = rest.ok_or_else(|| format!("it does not begin with `{name}`"))?;
     let (version, rest) = line(rest)?;
     if version != VERSION.to_string() {
         return Err(format!("it is of version {version}, and this program reads version {VERSION}"));
@@ -85,7 +101,7 @@ fn line(bytes: &[u8]) -> Result<(&str, &[u8]), String> {
 }
 
 fn malformed(path: &Path, reason: String) -> RecordError {
-    RecordError::Malformed { path: path.to_owned(), expected: "a checkpoint of this run", reason }
+    RecordError::Malformed { path: path.to_owned(), expected: "what this run would go on from", reason }
 }
 
 #[cfg(test)]
@@ -125,7 +141,7 @@ mod tests {
         }
         std::fs::write(&path, &whole).expect("written");
         assert!(Checkpoint::read(&path, "g").expect_err("another run").to_string().contains("fingerprint f"));
-        let newer = [NAME, b"2\n", &whole[NAME.len() + 2..]].concat();
+        let newer = [NAME.as_bytes(), b" 2\n", &whole[NAME.len() + 3..]].concat();
         assert!(refused(&newer).contains("version 2"));
     }
 

@@ -10,6 +10,7 @@ mod heartbeat;
 mod manifest;
 mod paths;
 pub mod policy;
+pub mod pretrained;
 mod provenance;
 pub mod rows;
 

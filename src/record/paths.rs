@@ -19,6 +19,8 @@ pub struct RunPaths {
     pub partial: PathBuf,
     /// The file whose lock says that somebody works on the run. It is never removed: a lock on a removed file holds nobody off.
     pub claim: PathBuf,
+    /// `<results>/.pretrained`: agents trained before their runs, for all runs under these results that share them.
+    pub pretrained: PathBuf,
 }
 
 impl RunPaths {
@@ -35,7 +37,7 @@ impl RunPaths {
             claim.push(part);
         }
         let partial = with_suffix(&complete, ".partial");
-        Ok(Self { complete, partial, claim })
+        Ok(Self { complete, partial, claim, pretrained: results.join(".pretrained") })
     }
 
     /// The rows of iterations, in `folder` (one of this run's).

@@ -11,8 +11,11 @@ use super::{event::Event, stop::StopRequest, worker::tell};
 use crate::{
     algo::Agent,
     plan::RunSpec,
-    record::{Attempt, Checkpoint, Heartbeat, Manifest, Outcome, RecordError, RunPaths, now, policy, rows},
-    train::{EvaluationEpisode, Flow, Iteration, RunSink, SinkError},
+    record::{
+        Attempt, Checkpoint, Heartbeat, Manifest, Outcome, RecordError, RunPaths, now, policy, pretrained::pretrained,
+        rows,
+    },
+    train::{EvaluationEpisode, Flow, Iteration, RunSink, SinkError, TrainError},
 };
 
 /// Heartbeats are no more frequent than this.
@@ -155,6 +158,14 @@ impl RunSink for Recorder<'_> {
                 .map_err(|error| SinkError(format!("cannot create {}: {error}", folder.display())))?;
         }
         policy::write(&path, agent, &self.manifest.stamp).map_err(sink_error)
+    }
+
+    fn pretrained(
+        &mut self,
+        key: &str,
+        train: &mut dyn FnMut() -> Result<Agent, TrainError>,
+    ) -> Result<Agent, TrainError> {
+        pretrained(&self.paths.pretrained, key, &self.manifest.stamp.build.cpu_class, train)
     }
 }
 

@@ -1,10 +1,10 @@
 //! From a specification to the objects that train: the one `match` over algorithms.
 
-use super::TrainError;
+use super::{RunSink, TrainError};
 use crate::{
     algo::{
         Agent, OnPolicy, cloning, gail::gail, mcpo::Mcpo, mmd_il::MmdIl, penalty::Penalty, pofd::pofd, ppo::Ppo,
-        pretraining, trpo::Trpo,
+        pretraining::Pretraining, trpo::Trpo,
     },
     demo::Demonstration,
     env::{EnvError, Spaces, Task},
@@ -42,15 +42,15 @@ pub enum Learner {
     Uniform,
 }
 
-/// The run's algorithm, before its first rollout.
+/// The run's algorithm, before its first rollout; `sink` may know the result of behaviour cloning from another run.
 ///
 /// Errors: the demonstration is missing or does not fit, or behaviour cloning diverged.
-pub fn learner(spec: &RunSpec) -> Result<Learner, TrainError> {
+pub fn learner(spec: &RunSpec, sink: &mut dyn RunSink) -> Result<Learner, TrainError> {
     let agent = agent(spec, Task::new(spec.env, spec.reward, spec.max_steps)?.spaces());
-    let cloned = |hyperparameters: &cloning::Hyperparameters, agent| {
-        let mut rng = spec.seed.stream(Stream::Pretraining, 0);
-        pretraining::pretrained(hyperparameters, agent, &demonstration(spec)?, &mut rng)
-            .map_err(|source| TrainError::Algo { iteration: 0, source })
+    let mut cloned = |hyperparameters: &cloning::Hyperparameters, agent: Agent| {
+        let demonstration = demonstration(spec)?;
+        let start = Pretraining { hyperparameters, agent: &agent, demonstration: &demonstration, seed: spec.seed };
+        sink.pretrained(&start.key(), &mut || start.train().map_err(|source| TrainError::Algo { iteration: 0, source }))
     };
     let on_policy: Box<dyn OnPolicy> = match spec.algorithm.clone() {
         Algorithm::Mcpo(h) => Box::new(Mcpo::new(h, agent, &demonstration(spec)?, spec.seed)),

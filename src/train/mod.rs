@@ -81,6 +81,18 @@ pub trait RunSink {
 
     /// The policy after `env_steps`, to be kept: at the intervals of `checkpoint.keep_policy_every`, and at the end.
     fn policy(&mut self, env_steps: u64, last: bool, agent: &Agent) -> Result<(), SinkError>;
+
+    /// The agent that `train` gives before the first rollout. A sink that keeps such agents may give one that it has under
+    /// the same `key`, which names all that `train` depends on.
+    ///
+    /// Errors: training's own, or the agent cannot be kept.
+    fn pretrained(
+        &mut self,
+        _key: &str,
+        train: &mut dyn FnMut() -> Result<Agent, TrainError>,
+    ) -> Result<Agent, TrainError> {
+        train()
+    }
 }
 
 /// A sink could not keep what it was told.
@@ -129,7 +141,7 @@ pub enum Ending {
 ///
 /// Errors: the demonstration or a checkpoint cannot be used, training diverged, or the sink failed.
 pub fn run(spec: &RunSpec, checkpoint: Option<&[u8]>, sink: &mut dyn RunSink) -> Result<Ending, TrainError> {
-    match build::learner(spec)? {
+    match build::learner(spec, sink)? {
         Learner::OnPolicy(algorithm) => on_policy::run(spec, algorithm, checkpoint, sink),
         Learner::Offline(agent) => offline::run(spec, Some(&agent), sink),
         Learner::Uniform => offline::run(spec, None, sink),

@@ -1,8 +1,10 @@
 //! Arrays by name, as `.npz` files and Parquet tables of others hold them, put together to a demonstration.
 
+use std::cell::Cell;
+
 use nalgebra::DMatrix;
 
-use super::{Imported, infer_ends};
+use super::{Imported, MAX_NUMBERS, infer_ends};
 use crate::{
     demo::Demonstration,
     env::{EnvId, Pose},
@@ -11,12 +13,17 @@ use crate::{
 /// Numbers in rows.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Array {
-    pub(super) rows: usize,
+    rows: usize,
     /// Row after row.
-    pub(super) numbers: Vec<f64>,
+    numbers: Vec<f64>,
 }
 
 impl Array {
+    /// `numbers` in `rows`; in none where there is no number, however many rows a file claims.
+    pub(super) fn new(rows: usize, numbers: Vec<f64>) -> Self {
+        Self { rows: if numbers.is_empty() { 0 } else { rows }, numbers }
+    }
+
     fn into_columns(self) -> DMatrix<f64> {
         DMatrix::from_vec(self.numbers.len().checked_div(self.rows).unwrap_or(0), self.rows, self.numbers)
     }
@@ -36,9 +43,14 @@ const SPLITS: &[&str] = &["indices"];
 
 /// The demonstration of `env` that the arrays are which `named` finds.
 pub(super) fn assemble(env: EnvId, named: impl Fn(&str) -> Result<Option<Array>, String>) -> Result<Imported, String> {
+    let found = Cell::new(0);
     let first = |names: &[&str]| -> Result<Option<Array>, String> {
         for name in names {
             if let Some(array) = named(name)? {
+                found.set(found.get() + array.numbers.len());
+                if found.get() > MAX_NUMBERS {
+                    return Err(format!("it holds more than {MAX_NUMBERS} numbers"));
+                }
                 return Ok(Some(array));
             }
         }

@@ -14,7 +14,10 @@ use std::{io::Read, path::Path};
 
 pub use returns::recomputed_rewards;
 
-use super::{DemoError, Demonstration, parquet::read_bounded};
+use super::{
+    DemoError, Demonstration,
+    parquet::{MAX_NUMBERS, read_bounded},
+};
 use crate::env::EnvId;
 
 /// The most bytes that a compressed file may unfold to.

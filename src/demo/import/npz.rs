@@ -4,7 +4,7 @@
 //! that nobody asks for (`infos` of `imitation`, which is a pickle) are not looked into.
 
 use super::{
-    Imported,
+    Imported, MAX_NUMBERS,
     arrays::{Array, assemble, decode},
     unfold,
 };
@@ -111,11 +111,12 @@ fn array(bytes: &[u8]) -> Result<Array, String> {
     if fortran && shape.len() > 1 {
         return Err("is in Fortran's order; C's is read".into());
     }
+    let size = shape.iter().try_fold(1usize, |size, &length| size.checked_mul(length));
+    let size = size.filter(|&size| size <= MAX_NUMBERS).ok_or_else(|| format!("has the shape {shape:?}, too large"))?;
     let numbers = decode(dtype.trim_start_matches(['<', '>', '=', '|']), !dtype.starts_with('>'), data);
     let numbers = numbers.ok_or_else(|| format!("holds `{dtype}`; numbers are needed"))?;
-    let size = shape.iter().try_fold(1usize, |size, &length| size.checked_mul(length));
-    if size != Some(numbers.len()) {
+    if size != numbers.len() {
         return Err(format!("has {} numbers for the shape {shape:?}", numbers.len()));
     }
-    Ok(Array { rows: shape.first().copied().unwrap_or(1), numbers })
+    Ok(Array::new(shape.first().copied().unwrap_or(1), numbers))
 }

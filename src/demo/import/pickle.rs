@@ -7,8 +7,11 @@
 
 use std::collections::HashMap;
 
-/// The most objects that are made: twenty a step for 400,000 steps.
-const MAX_OBJECTS: usize = 1 << 23;
+use super::{MAX_NUMBERS, MAX_UNFOLDED};
+
+/// The most instructions that are followed: some fifty a step for 300,000 steps. Each adds one object, one place on the
+/// stack or one entry of a collection at most, so this bounds them too.
+const MAX_INSTRUCTIONS: usize = 1 << 24;
 
 /// An object's place.
 pub(super) type Id = usize;
@@ -73,8 +76,9 @@ pub(super) struct Pickle<'a> {
 impl<'a> Pickle<'a> {
     /// Reads `bytes`. Errors: they end early, or use an instruction or function beyond plain data.
     pub(super) fn read(bytes: &'a [u8]) -> Result<Self, String> {
-        let mut machine = Machine { rest: bytes, objects: vec![], stack: vec![], marks: vec![], memo: HashMap::new() };
-        loop {
+        let mut machine =
+            Machine { rest: bytes, objects: vec![], stack: vec![], marks: vec![], memo: HashMap::new(), encoded: 0 };
+        for _ in 0..MAX_INSTRUCTIONS {
             let code = machine.byte()?;
             if code == b'.' {
                 let root = machine.pop()?;
@@ -82,6 +86,7 @@ impl<'a> Pickle<'a> {
             }
             machine.step(code)?;
         }
+        Err(format!("the pickle has more than {MAX_INSTRUCTIONS} instructions"))
     }
 
     /// The object that was pickled.
@@ -115,6 +120,9 @@ impl<'a> Pickle<'a> {
                 }
                 // In Fortran's order only what has one order alone: vectors.
                 let ordered = !array.fortran || shape.len() <= 1;
+                if size > MAX_NUMBERS || bytes.len() > 8 * size {
+                    return None;
+                }
                 let numbers = self.decode(array.dtype, bytes)?;
                 (ordered && numbers.len() == size).then_some(numbers)
             }
@@ -136,6 +144,9 @@ impl<'a> Pickle<'a> {
             Object::Bool(value) => Some(f64::from(u8::from(*value))),
             Object::Scalar { dtype, bytes } => {
                 let Object::Bytes(bytes) = self.get(*bytes) else { return None };
+                if bytes.len() > 8 {
+                    return None;
+                }
                 self.decode(*dtype, bytes)?.first().copied()
             }
             _ => None,
@@ -157,6 +168,8 @@ struct Machine<'a> {
     /// Heights of the stack at which collections begin.
     marks: Vec<usize>,
     memo: HashMap<u64, Id>,
+    /// Bytes that were made of texts, whose number the file's length does not bound.
+    encoded: usize,
 }
 
 impl<'a> Machine<'a> {
@@ -190,9 +203,6 @@ impl<'a> Machine<'a> {
     }
 
     fn push(&mut self, object: Object<'a>) -> Result<(), String> {
-        if self.objects.len() == MAX_OBJECTS {
-            return Err(format!("the pickle makes more than {MAX_OBJECTS} objects"));
-        }
         self.stack.push(self.objects.len());
         self.objects.push(object);
         Ok(())
@@ -371,6 +381,10 @@ impl<'a> Machine<'a> {
                 Object::Scalar { dtype: arguments[0], bytes: arguments[1] }
             }
             (Global::Encode, Some(&Object::Text(encoded)), Some(Object::Text("latin1"))) => {
+                self.encoded += encoded.len();
+                if self.encoded > MAX_UNFOLDED {
+                    return Err(format!("the pickle encodes texts of more than {} MiB", MAX_UNFOLDED >> 20));
+                }
                 let bytes: Option<_> = encoded.chars().map(|c| u8::try_from(u32::from(c)).ok()).collect();
                 Object::Bytes(bytes.ok_or("the pickle encodes text that is not latin1")?)
             }
@@ -385,7 +399,8 @@ impl<'a> Machine<'a> {
         let Object::Tuple(state) = &self.objects[state] else {
             return Err("the pickle builds an object from what is no tuple".into());
         };
-        let state = state.clone();
+        // numpy's states of types and arrays have nine entries at most.
+        let state = state[..state.len().min(9)].to_vec();
         let item = |i: usize| state.get(i).map(|&id| &self.objects[id]);
         let order = item(1).cloned();
         let array = match (item(1), item(2), item(3), item(4)) {

@@ -4,16 +4,20 @@
 //! dict`. Actions are raw; states went through the demonstrator's own filter, `clip((x - mean) / std, -5, 5)`, which is
 //! undone with the mean, sum of squared errors and count that the file keeps. What was clipped stays at the clip.
 
+use std::collections::BTreeSet;
+
 use nalgebra::{DMatrix, DVector};
 
 use super::{
-    Imported, infer_ends,
+    Imported, MAX_NUMBERS, infer_ends,
     pickle::{Object, Pickle},
 };
 use crate::{demo::Demonstration, env::EnvId};
 
 /// Where the demonstrator's filter clipped.
 const CLIP: f64 = 5.0;
+/// How many of the entries that are not read are named.
+const NAMES: usize = 10;
 
 /// What `bytes`, a pickle, hold; and which environment they say it is of.
 pub(super) fn read(bytes: &[u8], env: EnvId) -> Result<(Imported, Option<EnvId>), String> {
@@ -23,8 +27,8 @@ pub(super) fn read(bytes: &[u8], env: EnvId) -> Result<(Imported, Option<EnvId>)
         return Err("the pickle has no list `trajectory`".into());
     };
     let (mut states, mut actions, mut episode_starts) = (Vec::new(), Vec::new(), Vec::new());
-    let (mut state_dim, mut action_dim, mut ignored) = (None, None, Vec::new());
-    let mut n = 0;
+    let (mut state_dim, mut action_dim, mut ignored) = (None, None, BTreeSet::new());
+    let (mut n, mut looked_at) = (0, 0);
     for (e, &episode) in episodes.iter().enumerate() {
         let Object::List(steps) = pickle.get(episode) else {
             return Err(format!("episode {e} of the pickle's `trajectory` is no list"));
@@ -38,6 +42,11 @@ pub(super) fn read(bytes: &[u8], env: EnvId) -> Result<(Imported, Option<EnvId>)
             let Object::Dict(entries) = step else {
                 return Err(format!("step {i} of episode {e} in the pickle is no dictionary"));
             };
+            // One step may stand in a list many times: what it unfolds to is not bounded by the file's length.
+            looked_at += entries.len() + state_dim.unwrap_or(0) + action_dim.unwrap_or(0);
+            if looked_at > MAX_NUMBERS {
+                return Err(format!("the pickle's steps unfold to more than {MAX_NUMBERS} numbers"));
+            }
             for (key, numbers, dim) in [("s", &mut states, &mut state_dim), ("a", &mut actions, &mut action_dim)] {
                 let found = pickle.entry(step, key).and_then(|object| pickle.numbers(object));
                 let found = found.ok_or_else(|| format!("step {i} of episode {e} has no array of numbers `{key}`"))?;
@@ -53,9 +62,8 @@ pub(super) fn read(bytes: &[u8], env: EnvId) -> Result<(Imported, Option<EnvId>)
             for &(key, _) in entries {
                 if let Object::Text(key) = pickle.get(key)
                     && !["s", "a"].contains(key)
-                    && !ignored.contains(key)
                 {
-                    ignored.push(*key);
+                    ignored.insert(*key);
                 }
             }
             n += 1;
@@ -68,7 +76,9 @@ pub(super) fn read(bytes: &[u8], env: EnvId) -> Result<(Imported, Option<EnvId>)
         None => losses.push("the file has no filter; its states are taken as raw".into()),
     }
     if !ignored.is_empty() {
-        losses.push(format!("steps hold more than states and actions, which is not read: {}", ignored.join(", ")));
+        let names: Vec<&str> = ignored.iter().copied().take(NAMES).collect();
+        let more = if ignored.len() > NAMES { " ..." } else { "" };
+        losses.push(format!("steps hold more than states and actions, which is not read: {}{more}", names.join(", ")));
     }
     let texts = ["env name", "policy", "config", "env config"];
     let text = |key| match pickle.entry(root, key) {

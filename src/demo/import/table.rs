@@ -21,7 +21,7 @@ pub(super) fn read(file: Vec<u8>, env: EnvId) -> Result<Imported, String> {
 fn array(table: &Table, name: &str) -> Result<Option<Array>, String> {
     if table.has(name) {
         let (values, width) = table.values(name)?;
-        return Ok(Some(Array { rows: values.len() / width, numbers: widened(values) }));
+        return Ok(Some(Array::new(values.len().checked_div(width).unwrap_or(0), widened(values))));
     }
     let mut columns = Vec::new();
     while let column = format!("{name}_{}", columns.len())
@@ -31,7 +31,7 @@ fn array(table: &Table, name: &str) -> Result<Option<Array>, String> {
     }
     let rows = table.rows();
     let numbers = (0..rows).flat_map(|row| columns.iter().map(move |column| column[row])).collect();
-    Ok((!columns.is_empty()).then_some(Array { rows, numbers }))
+    Ok((!columns.is_empty()).then(|| Array::new(rows, numbers)))
 }
 
 /// As f64, truth values as 0 and 1.

@@ -91,6 +91,114 @@ fn a_bomb_is_refused() {
     assert!(refusal(&bomb).contains("unfolds to more"));
 }
 
+/// A step whose state is the array under the memo's key 1, so that it can be made long and recalled often.
+fn pickle_of_arrays(shape: &[u8], dtype: &[u8], bytes: &[u8], episode: &[u8]) -> Vec<u8> {
+    let array = [
+        b"cnumpy.core.multiarray\n_reconstruct\n(cnumpy\nndarray\nK\x00\x85C\x01btR(K\x01".as_slice(),
+        shape,
+        b"cnumpy\ndtype\n(X\x02\x00\x00\x00",
+        dtype,
+        b"K\x00K\x01tR\x89B",
+        &(bytes.len() as u32).to_le_bytes(),
+        bytes,
+        b"tbq\x01",
+    ]
+    .concat();
+    let step = [b"}(X\x01\x00\x00\x00s", array.as_slice(), b"X\x01\x00\x00\x00ah\x01uq\x02"].concat();
+    [b"\x80\x03}X\x0a\x00\x00\x00trajectory](](", step.as_slice(), episode, b"ees."].concat()
+}
+
+#[test]
+fn what_a_short_pickle_unfolds_to_is_bounded() {
+    // As it should be: one step with a state of four numbers, and actions of as many.
+    let sane = pickle_of_arrays(b"K\x04\x85", b"f8", &[0; 32], b"");
+    assert!(refusal(&sane).contains("an action has 4 numbers"));
+    // One step of 200,000 numbers, a thousand times; a truth value a byte, 1 GiB and more when widened.
+    let long = pickle_of_arrays(b"J\x40\x0d\x03\x00\x85", b"f4", &[0; 800_000], &b"h\x02".repeat(1000));
+    assert!(refusal(&long).contains("unfold to more"));
+    let shape = [b"J".as_slice(), &(MAX_NUMBERS as u32 + 1).to_le_bytes(), b"\x85"].concat();
+    let wide = pickle_of_arrays(&shape, b"b1", &vec![0; MAX_NUMBERS + 1], b"");
+    assert!(refusal(&wide).contains("no array of numbers `s`"));
+    // A text of 1 MiB, made bytes a thousand times.
+    let text = [b"X".as_slice(), &(1u32 << 20).to_le_bytes(), &vec![b'x'; 1 << 20]].concat();
+    let encode = [b"\x80\x03c_codecs\nencode\nq\x00", text.as_slice(), b"X\x06\x00\x00\x00latin1\x86q\x01"].concat();
+    assert!(refusal(&[encode, b"h\x00h\x01R".repeat(1000)].concat()).contains("encodes texts of more"));
+    // Lists in lists, each twice in the next: nothing walks them. And a stack of recalled objects.
+    let doubled = [b"\x80\x03]q\x00".as_slice(), &b"](h\x00h\x00eq\x00".repeat(10_000), b"."].concat();
+    assert!(refusal(&doubled).contains("no list `trajectory`"));
+    let deep = [b"\x80\x03]".as_slice(), &b"\x85".repeat(1 << 20), b"."].concat();
+    assert!(refusal(&deep).contains("no list `trajectory`"));
+    let tall = [b"\x80\x03Nq\x00".as_slice(), &b"h\x00".repeat(1 << 24)].concat();
+    assert!(refusal(&tall).contains("instructions"));
+}
+
+/// An archive with `members`, deflated, each a name and its bytes.
+fn archive(members: &[(&str, &[u8])]) -> Vec<u8> {
+    use std::io::Write;
+    let (mut file, mut directory) = (Vec::new(), Vec::new());
+    for (name, bytes) in members {
+        let mut deflated = flate2::write::DeflateEncoder::new(Vec::new(), flate2::Compression::best());
+        deflated.write_all(bytes).expect("in memory");
+        let deflated = deflated.finish().expect("in memory");
+        let offset = file.len() as u32;
+        let (lengths, name_length) =
+            ([deflated.len(), bytes.len()].map(|n| (n as u32).to_le_bytes()), name.len() as u16);
+        // Versions and flags, the method, time and date and check sum, which nobody asks for; then sizes and lengths.
+        let common =
+            [&[20, 0, 0, 0, 8, 0], &[0; 8][..], &lengths.concat(), &name_length.to_le_bytes(), &[0, 0]].concat();
+        file.extend([b"PK\x03\x04", &common[..], name.as_bytes(), &deflated].concat());
+        let entry = [b"PK\x01\x02\x14\x00", &common[..], &[0; 10], &offset.to_le_bytes(), name.as_bytes()].concat();
+        directory.extend(entry);
+    }
+    let count = (members.len() as u16).to_le_bytes();
+    let place = [directory.len() as u32, file.len() as u32].map(u32::to_le_bytes).concat();
+    let end = [b"PK\x05\x06\0\0\0\0", &count[..], &count, &place, &[0, 0]].concat();
+    [file, directory, end].concat()
+}
+
+/// An `.npy` file.
+fn npy(dtype: &str, fortran: bool, shape: &str, data: &[u8]) -> Vec<u8> {
+    let fortran = if fortran { "True" } else { "False" };
+    let header = format!("{{'descr': {dtype}, 'fortran_order': {fortran}, 'shape': {shape}, }}");
+    [b"\x93NUMPY\x01\x00", &(header.len() as u16).to_le_bytes()[..], header.as_bytes(), data].concat()
+}
+
+#[test]
+fn hostile_archives_are_refused_by_what_is_wrong_with_them() {
+    let with =
+        |actions: &[u8]| archive(&[("obs.npy", &npy("'<f8'", false, "(1, 4)", &[0; 32])), ("acts.npy", actions)]);
+    let refused = |actions: &[u8], says: &str| {
+        let message = refusal(&with(actions));
+        assert!(message.contains("acts") && message.contains(says), "{says}: {message}");
+    };
+    refused(&npy("'|O'", false, "(1, 1)", b"\x80\x03]."), "holds `|O`; numbers are needed");
+    refused(&npy("'<U4'", false, "(1, 1)", &[0; 16]), "holds `<U4`");
+    refused(&npy("[('x', '<f8')]", false, "(1,)", &[0; 8]), "numbers are needed");
+    refused(&npy("'<c16'", false, "(1, 1)", &[0; 16]), "holds `<c16`");
+    refused(&npy("'<f8'", true, "(1, 1)", &[0; 8]), "Fortran");
+    refused(&npy("'<f8'", false, "(2, 1)", &[0; 8]), "has 1 numbers for the shape [2, 1]");
+    refused(&npy("'<f8'", false, "(1, 1)", &[0; 7]), "numbers are needed");
+    refused(&npy("'<f8'", false, "(4294967296, 4294967296)", &[]), "too large");
+    refused(&npy("'<f8'", false, "(-1, 1)", &[0; 8]), "has no shape");
+    refused(b"\x80\x03]q\x00.", "is no .npy array");
+    // As many rows as memory would not hold, of no numbers.
+    refused(&npy("'<f8'", false, "(1000000000000000, 0)", &[]), "no steps");
+    let poses = npy("'<f8'", false, "(1000000000000000, 0)", &[]);
+    let action = npy("'<f8'", false, "(1, 1)", &[0; 8]);
+    let observation = npy("'<f8'", false, "(1, 4)", &[0; 32]);
+    let members = [("obs.npy", &observation[..]), ("acts.npy", &action), ("qpos.npy", &poses), ("qvel.npy", &poses)];
+    refusal(&archive(&members));
+    // 300 MiB of zeros in 300 kB.
+    let bomb = with(&npy("'|u1'", false, "(314572800, 1)", &vec![0; 300 << 20]));
+    assert!(bomb.len() < 1 << 20 && refusal(&bomb).contains("unfolds to more"));
+    // Bytes that come highest first are numbers too.
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("big.npz");
+    fs::write(&path, with(&npy("'>f8'", false, "(1, 1)", &0.25f64.to_be_bytes()))).expect("written");
+    let read = import(&path, EnvId::InvertedPendulum).expect("big-endian").demonstration;
+    assert_eq!(read.actions[(0, 0)], 0.25);
+}
+
 #[test]
 fn damaged_files_never_panic() {
     let mut rng = Seed(1).stream(Stream::Update, 0);

@@ -23,7 +23,11 @@ mod pages;
 mod table;
 mod thrift;
 
-use std::{fs::File, io::Read, path::Path};
+use std::{
+    fs::{File, Permissions},
+    io::{self, Read},
+    path::Path,
+};
 
 use nalgebra::DMatrix;
 use polars::prelude::{
@@ -32,7 +36,7 @@ use polars::prelude::{
 };
 
 pub(super) use pages::Values;
-pub(super) use table::Table;
+pub(super) use table::{MAX_NUMBERS, Table};
 
 use super::{DemoError, Demonstration};
 use crate::env::Pose;
@@ -51,7 +55,7 @@ impl Demonstration {
         }
         let mut frame = self.to_frame().map_err(|error| failed(error.to_string()))?;
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let mut file = tempfile::NamedTempFile::new_in(folder).map_err(|error| failed(error.to_string()))?;
+        let mut file = beside(folder).map_err(|error| failed(error.to_string()))?;
         ParquetWriter::new(file.as_file_mut())
             .with_key_value_metadata(Some(KeyValueMetadata::from_static(self.provenance.clone())))
             .finish(&mut frame)
@@ -99,6 +103,17 @@ impl Demonstration {
         }
         DataFrame::new(self.len(), columns)
     }
+}
+
+/// An unnamed file in `folder`, readable as the user's other files are (a bare temporary file is its owner's alone).
+fn beside(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        builder.permissions(Permissions::from_mode(0o666)); // less the umask
+    }
+    builder.tempfile_in(folder)
 }
 
 /// A column of `n` lists of `width` numbers.

@@ -8,7 +8,7 @@ use super::{
 };
 
 /// The most numbers read of a column: 1 GiB of f64, a thousand times what a demonstration holds.
-const MAX_NUMBERS: usize = 1 << 27;
+pub(in crate::demo) const MAX_NUMBERS: usize = 1 << 27;
 
 /// The most bytes decompressed for a column.
 const MAX_DECOMPRESSED: usize = 1 << 31;

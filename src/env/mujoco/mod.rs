@@ -2,6 +2,9 @@
 //!
 //! Owns the engine ([`Simulation`], the only place that names `mujoco_rs`) and each task's [`Definition`], one file a
 //! task. Knows nothing of time limits or sparse rewards. Start at [`hopper`].
+//!
+//! The paper's were Gym's of 2019 on MuJoCo 2.0 or 1.5. Today's engine refuses two of those models; Gymnasium's are used, and
+//! Gym's noise, rewards and ends. Trajectories differ from the authors'; uniform actions earn what Table 4 says.
 
 mod ant;
 mod half_cheetah;

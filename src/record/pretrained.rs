@@ -1,0 +1,156 @@
+//! Agents trained before their runs, kept for the runs that share them.
+//!
+//! One sealed file an agent, in a folder of all results, named by the hash of everything that decided it: whoever needs the
+//! same agent finds it. The folder is a convenience alone: without it, or with a damaged file in it, agents are trained
+//! anew, to the same bits.
+
+use std::{
+    fs::{self, File},
+    path::Path,
+};
+
+use tracing::{info, warn};
+
+use super::{
+    RecordError,
+    checkpoint::{read_sealed, write_sealed},
+    io_error,
+};
+use crate::{algo::Agent, train::TrainError};
+
+/// What the file's first line says.
+const NAME: &str = "mcpo-run pre-trained agent";
+
+/// The agent of `key` in `folder`, or else what `train` gives, which is kept there. `key` names all that `train` depends
+/// on, but for the class of machine, whose bits may differ: that is `cpu_class`. Of several processes that ask for the same
+/// agent at once, one trains it and the others wait.
+///
+/// A file that is damaged is replaced, with a warning in the log.
+///
+/// Errors: training's own, or the folder cannot be written to.
+pub fn pretrained(
+    folder: &Path,
+    key: &str,
+    cpu_class: &str,
+    train: &mut dyn FnMut() -> Result<Agent, TrainError>,
+) -> Result<Agent, TrainError> {
+    let name = &blake3::hash(format!("{key} {cpu_class}").as_bytes()).to_hex()[..32];
+    let path = folder.join(name);
+    let _lock = lock(folder, &path.with_extension("lock"))?;
+    match read_sealed(&path, NAME, key) {
+        Ok(Some(agent)) => {
+            info!("found the pre-trained agent {name}");
+            return Ok(agent);
+        }
+        Ok(None) => {}
+        Err(error) => warn!("{error}; it is trained anew"),
+    }
+    let agent = train()?;
+    write_sealed(&path, NAME, key, &agent)?;
+    info!("trained the agent {name}, and kept it for other runs");
+    Ok(agent)
+}
+
+/// Waits for the lock, which lasts until it is dropped or its process ends, however it ends.
+fn lock(folder: &Path, path: &Path) -> Result<File, RecordError> {
+    fs::create_dir_all(folder).map_err(io_error("create", folder))?;
+    let file = File::create(path).map_err(io_error("create", path))?;
+    file.lock().map_err(io_error("lock", path))?;
+    Ok(file)
+}
+
+impl From<RecordError> for TrainError {
+    fn from(error: RecordError) -> Self {
+        crate::train::SinkError(error.to_string()).into()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicU32, Ordering};
+
+    use super::*;
+    use crate::{
+        nn::{GaussianPolicy, Mlp, Normalizer},
+        rng::{Seed, Stream},
+    };
+
+    fn agent(seed: u64) -> Agent {
+        let mut rng = Seed(seed).stream(Stream::Network, 0);
+        Agent {
+            policy: GaussianPolicy::new(2, &[3], 1, 0.5, &mut rng),
+            value: Mlp::new(&[2, 3, 1], 0.0, &mut rng),
+            normalizer: Normalizer::new(2, 10.0),
+        }
+    }
+
+    /// What is found or trained under `key`, and whether it was trained.
+    fn ask(folder: &Path, key: &str, seed: u64) -> (Agent, bool) {
+        let mut trained = false;
+        let mut train = || {
+            trained = true;
+            Ok(agent(seed))
+        };
+        let given = pretrained(folder, key, "x86_64 fma", &mut train).expect("a folder to write to");
+        (given, trained)
+    }
+
+    #[test]
+    fn what_fails_keeps_nothing() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let mut fail = || Err(TrainError::NoDemonstration);
+        assert!(matches!(pretrained(folder.path(), "k", "c", &mut fail), Err(TrainError::NoDemonstration)));
+        assert!(ask(folder.path(), "k", 1).1, "a failure was found");
+        let file = folder.path().join("file");
+        fs::write(&file, "").expect("written");
+        let message = pretrained(&file, "k", "c", &mut || Ok(agent(1))).expect_err("no folder").to_string();
+        assert!(message.contains("file"), "{message}");
+    }
+
+    #[test]
+    fn a_damaged_file_is_replaced() {
+        let folder = tempfile::tempdir().expect("a folder");
+        ask(folder.path(), "k", 1);
+        let files = fs::read_dir(folder.path()).expect("readable").map(|entry| entry.expect("an entry").path());
+        let path = files.into_iter().find(|path| path.extension().is_none()).expect("the agent's file");
+        let whole = fs::read(&path).expect("readable");
+        for place in [0, 40, whole.len() / 2, whole.len() - 1] {
+            let mut damaged = whole.clone();
+            damaged[place] ^= 1;
+            for bytes in [&damaged[..], &whole[..place]] {
+                fs::write(&path, bytes).expect("written");
+                assert_eq!(ask(folder.path(), "k", 1), (agent(1), true), "damaged at {place}");
+                assert_eq!(fs::read(&path).expect("readable"), whole);
+            }
+        }
+        assert_eq!(ask(folder.path(), "k", 2), (agent(1), false));
+    }
+
+    #[test]
+    fn another_key_or_class_of_machine_is_another_agent() {
+        let folder = tempfile::tempdir().expect("a folder");
+        ask(folder.path(), "k", 1);
+        assert_eq!(ask(folder.path(), "l", 2), (agent(2), true));
+        let other = pretrained(folder.path(), "k", "aarch64", &mut || Ok(agent(3))).expect("trained");
+        assert_eq!(other, agent(3));
+    }
+
+    #[test]
+    fn many_at_once_train_it_once() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let count = AtomicU32::new(0);
+        std::thread::scope(|scope| {
+            for seed in 0..8 {
+                let (folder, count) = (folder.path(), &count);
+                scope.spawn(move || {
+                    let mut train = || {
+                        count.fetch_add(1, Ordering::Relaxed);
+                        Ok(agent(seed))
+                    };
+                    pretrained(folder, "k", "c", &mut train).expect("a folder to write to");
+                });
+            }
+        });
+        assert_eq!(count.into_inner(), 1);
+    }
+}
