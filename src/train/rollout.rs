@@ -140,6 +140,28 @@ impl Rollout {
         Ok(Collected { batch, episodes: episodes.concat(), physics })
     }
 
+    /// Takes the steps of `batch` again, from the state in which its rollout began, with the physics alone: what
+    /// `mcpo-run bench` holds a rollout against. Episodes begin as they did.
+    ///
+    /// Errors: the physics failed.
+    pub fn replay(&mut self, batch: &Batch) -> Result<(), EnvError> {
+        let Self { tasks, lanes, .. } = self;
+        let steps = batch.len() / tasks.len();
+        let mut action = vec![0.0; batch.actions.nrows()];
+        for Segment { range, .. } in &batch.segments {
+            let index = range.start / steps;
+            let (task, lane) = (&mut tasks[index], &mut lanes[index]);
+            for column in batch.actions.columns_range(range.clone()).column_iter() {
+                action.iter_mut().zip(column.iter()).for_each(|(a, &sampled)| *a = f64::from(sampled));
+                task.advance(&action)?;
+            }
+            if range.end < (index + 1) * steps {
+                task.reset(&mut lane.resets, &mut lane.observation);
+            }
+        }
+        Ok(())
+    }
+
     /// Everything the next rollout depends on, the agent apart.
     pub fn save(&self) -> RolloutState {
         RolloutState { lanes: self.lanes.clone(), tasks: self.tasks.iter().map(Task::save).collect() }
@@ -168,4 +190,42 @@ fn bootstrapped(agent: &Agent, observation: &[f64]) -> SegmentEnd {
     let mut last_observation = vec![0.0; observation.len()];
     agent.normalizer.normalize(observation, &mut last_observation);
     SegmentEnd::Bootstrapped { last_observation }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        env::{EnvId, Reward},
+        nn::{GaussianPolicy, Mlp, Normalizer},
+    };
+
+    fn agent() -> Agent {
+        let mut rng = Seed(0).stream(Stream::Network, 0);
+        Agent {
+            policy: GaussianPolicy::new(11, &[8], 3, 0.5, &mut rng),
+            value: Mlp::new(&[11, 8, 1], 0.0, &mut rng),
+            normalizer: Normalizer::new(11, 10.0),
+        }
+    }
+
+    fn rollout(lanes: usize) -> Rollout {
+        let task = || Task::new(EnvId::Hopper, Reward::Dense, 1000).expect("a task");
+        Rollout::new((0..lanes).map(|_| task()).collect(), Seed(0))
+    }
+
+    #[test]
+    fn a_replay_ends_where_the_rollout_did() {
+        let (mut first, mut second) = (rollout(3), rollout(3));
+        let mut agent = agent();
+        first.collect(&mut agent, 37).expect("physics"); // so that episodes are under way
+        second.restore(first.save()).expect("the same environments");
+        let collected = first.collect(&mut agent, 100).expect("physics");
+        assert!(collected.episodes.len() >= 3, "an untrained hopper falls soon");
+        second.replay(&collected.batch).expect("physics");
+        for (index, (one, other)) in first.tasks.iter().zip(&second.tasks).enumerate() {
+            assert!(first.lanes[index].episode.length > 0, "this seed's rollout ends within all three episodes");
+            assert_eq!(one.pose(), other.pose(), "environment {index}");
+        }
+    }
 }
