@@ -121,6 +121,7 @@ fn advantages(criterion: &mut Criterion) {
         end: SegmentEnd::Bootstrapped { last_observation: last_observation.clone() },
     };
     let batch = Batch {
+        raw_observations: DMatrix::zeros(OBSERVATION, 0),
         actions: random(ACTION, N),
         rewards: vec![1.0; N],
         segments: (0..N).step_by(N / 8).map(segment).collect(),

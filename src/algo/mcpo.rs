@@ -217,7 +217,8 @@ impl OnPolicy for Mcpo {
                 match hyperparameters.mmd.samples {
                     // The step was to reach the tolerance, and D is known well enough to see that it did not.
                     Samples::DemoStates if outcome.mmd_after > *tolerance => {
-                        iteration.recover(agent, mimicry, &batch.observations, pass, trial_pass)?
+                        let recovered = iteration.recover(agent, mimicry, &batch.observations, pass, trial_pass)?;
+                        Outcome { step_fraction: outcome.step_fraction, ..recovered }
                     }
                     _ => outcome,
                 }

@@ -16,14 +16,14 @@ use std::{collections::BTreeMap, io};
 use serde::{Serialize, Serializer};
 
 use crate::{
-    algo::{OnPolicy, SegmentEnd},
+    algo::{Agent, OnPolicy, SegmentEnd},
     demo::Demonstration,
     env::EnvError,
     plan::RunSpec,
     record::{self, Checkpoint, RecordError},
     rng::Stream,
     train::{
-        TrainError,
+        EvaluationEpisode, Flow, Iteration, RunSink, SinkError, TrainError,
         build::{self, Learner},
         rollout::Rollout,
     },
@@ -134,12 +134,29 @@ impl Serialize for Parts {
     }
 }
 
+/// Keeps nothing of a run.
+struct Unrecorded;
+
+impl RunSink for Unrecorded {
+    fn iteration(&mut self, _: &Iteration, _: &dyn Fn() -> Vec<u8>) -> Result<Flow, SinkError> {
+        Ok(Flow::Continue)
+    }
+
+    fn evaluation(&mut self, _: &[EvaluationEpisode]) -> Result<(), SinkError> {
+        Ok(())
+    }
+
+    fn policy(&mut self, _: u64, _: bool, _: &Agent) -> Result<(), SinkError> {
+        Ok(())
+    }
+}
+
 /// Trains as `spec` says for one iteration to warm up and `iterations` more, on one core. Evaluations are left out; of
 /// recording, which is a checkpoint now and then, the checkpoint's share counts.
 ///
 /// Errors: training fails, the algorithm takes no steps, or a checkpoint cannot be written.
 pub fn measure(spec: &RunSpec, iterations: u64) -> Result<Measured, BenchError> {
-    let Learner::OnPolicy(mut algorithm) = build::learner(spec)? else {
+    let Learner::OnPolicy(mut algorithm) = build::learner(spec, &mut Unrecorded)? else {
         return Err(BenchError::NoRollouts(spec.algorithm_name()));
     };
     let shapes = shapes(spec, algorithm.as_ref())?;

@@ -152,13 +152,14 @@ impl<'a> Counter<'a> {
     }
 
     fn mcpo(&self, h: &mcpo::Hyperparameters) -> Vec<Part> {
-        let recovers = self.update.case.as_deref() == Some("infeasible") && h.mmd.samples == Samples::DemoStates;
+        let at_states = h.mmd.samples == Samples::DemoStates;
+        let no_step = self.update.case.as_deref() == Some("infeasible") && at_states;
         let stays = self.update.case.as_deref() == Some("degenerate_g") && self.update.mmd <= self.update.d;
-        let trials = if recovers || stays { 0.0 } else { self.trials(h.line_search_steps) };
+        let trials = if no_step || stays { 0.0 } else { self.trials(h.line_search_steps) };
         let mut parts = vec![self.values(), ("surrogate gradient", self.n * self.policy.vjp())];
         parts.extend(self.mimicry(h.mmd.samples, h.value_epochs, trials));
         parts.extend(self.trust_region(trials));
-        if recovers {
+        if at_states && self.update.recovery_steps.is_some() {
             parts.push(("recovery", self.descent()));
         }
         parts.push(("value epochs", self.fit(h.value_epochs)));
@@ -222,23 +223,20 @@ impl<'a> Counter<'a> {
 
     /// D and b, and D at each trial of the line search.
     fn mimicry(&self, samples: Samples, value_epochs: Count, trials: f64) -> Vec<Part> {
-        let mut operations = self.target();
-        match samples {
+        let operations = match samples {
             Samples::DemoStates => {
-                operations += self.descent_step();
-                operations += trials * (self.m * self.policy.forward() + self.kernel(self.m));
+                self.descent_step() + trials * (self.m * self.policy.forward() + self.kernel(self.m))
             }
             Samples::Rollout => {
-                operations += self.kernel(self.n) + self.n * self.policy.vjp();
-                operations += self.values().1 + self.fit(value_epochs);
+                self.kernel(self.n) + self.n * self.policy.vjp() + self.values().1 + self.fit(value_epochs)
             }
-        }
+        };
         vec![("mimicry", operations)]
     }
 
     /// A descent on D at the demonstration's states: D and its gradient before each step and after the last.
     fn descent(&self) -> f64 {
-        self.target() + (self.update.recovery_steps.unwrap_or(0) + 1) as f64 * self.descent_step()
+        (self.update.recovery_steps.unwrap_or(0) + 1) as f64 * self.descent_step()
     }
 
     fn descent_step(&self) -> f64 {
@@ -249,11 +247,6 @@ impl<'a> Counter<'a> {
     /// Kernel values among `n` points, and between them and the demonstration's.
     fn kernel(&self, n: f64) -> f64 {
         2.0 * self.point * (n * n / 2.0 + n * self.m)
-    }
-
-    /// Kernel values among the demonstration's points.
-    fn target(&self) -> f64 {
-        self.point * self.m * self.m
     }
 }
 
@@ -303,7 +296,7 @@ mod tests {
         assert_eq!(counted(&Algorithm::Trpo(trpo), &rejected)[4], ("line search", 10.0 * 860.0));
     }
 
-    /// Points of 5 numbers, 6 of each side: 36 pairs with the demonstration and half as many on either side; kernel values
+    /// Points of 5 numbers, 6 of each side: 36 pairs with the demonstration and half as many on their own side; kernel values
     /// of 10 operations a pair, and two sides' gradients of 10 a pair.
     #[test]
     fn mimicry_is_measured_once_and_at_each_trial_or_descended() {
@@ -315,13 +308,16 @@ mod tests {
         let step = 6.0 * (86.0 + 142.0) + 540.0 + 720.0;
         let case = |case: &str| Update { case: Some(case.to_owned()), step_fraction: Some(0.0), ..Update::default() };
         let active = Update { step_fraction: Some(0.5), cg_iterations: Some(20), ..case("active") };
-        assert_eq!(of(active.clone(), "mimicry"), Some(180.0 + step + 2.0 * (6.0 * 86.0 + 540.0)));
+        assert_eq!(of(active.clone(), "mimicry"), Some(step + 2.0 * (6.0 * 86.0 + 540.0)));
         assert_eq!(of(active.clone(), "Fisher products"), Some(20.0 * 2840.0));
         assert_eq!(of(active, "recovery"), None);
         let infeasible = Update { recovery_steps: Some(4), ..case("infeasible") };
-        assert_eq!(of(infeasible.clone(), "mimicry"), Some(180.0 + step));
+        assert_eq!(of(infeasible.clone(), "mimicry"), Some(step));
         assert_eq!(of(infeasible.clone(), "line search"), Some(0.0));
-        assert_eq!(of(infeasible, "recovery"), Some(180.0 + 5.0 * step));
+        assert_eq!(of(infeasible, "recovery"), Some(5.0 * step));
+        let fell_short = Update { recovery_steps: Some(1), step_fraction: Some(1.0), ..case("recoverable") };
+        assert_eq!(of(fell_short.clone(), "line search"), Some(860.0));
+        assert_eq!(of(fell_short, "recovery"), Some(2.0 * step));
         let stays = Update { mmd: Some(1.0), d: Some(2.0), ..case("degenerate_g") };
         assert_eq!(of(stays.clone(), "line search"), Some(0.0));
         assert_eq!(of(Update { mmd: Some(3.0), ..stays }, "line search"), Some(10.0 * 860.0));
