@@ -87,6 +87,11 @@ pub fn value_label(value: &toml::Value) -> String {
         toml::Value::Float(number) => number_label(*number),
         toml::Value::Integer(number) => number.to_string(),
         toml::Value::String(text) => text.clone(),
+        // What has one value beside its kind, such as `{ fixed = 1.0 }`.
+        toml::Value::Table(table) if table.len() == 1 => {
+            let (kind, value) = table.iter().next().expect("it has one");
+            format!("{kind} {}", value_label(value))
+        }
         other => other.to_string(),
     }
 }
@@ -147,6 +152,12 @@ pub fn superscript(digits: &str) -> String {
 mod tests {
     use super::*;
     use crate::report::fixture;
+
+    #[test]
+    fn a_value_beside_its_kind_reads_as_words() {
+        let value: toml::Table = toml::from_str("bandwidth = { fixed = 1.0 }").expect("TOML");
+        assert_eq!(value_label(&value["bandwidth"]), "fixed 1");
+    }
 
     #[test]
     fn runs_that_differ_in_more_than_the_seed_are_told_apart() {

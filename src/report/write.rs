@@ -1,11 +1,13 @@
 //! The files of a report.
 
 use std::{
+    collections::BTreeSet,
     fs,
     path::{Path, PathBuf},
 };
 
 use crate::{
+    env::EnvId,
     plan::{self, RunSpec, Selection},
     record::{self, RecordError},
     spec::{ExperimentSpec, Figure, Table},
@@ -38,11 +40,15 @@ pub fn write(spec: &ExperimentSpec, results: &Path) -> Result<Written, ReportErr
     let (figures, tables) = wanted(spec);
     let plan = plan::plan(spec)?;
     let progress = figures.iter().any(|figure| figure.y != "return");
-    let runs = recorded::load(&plan, results, progress)?;
+    let mut runs = recorded::load(&plan, results, progress)?;
     let folder = record::experiment_folder(results, &spec.name)?.join("report");
     fs::create_dir_all(&folder).map_err(|source| RecordError::Io { action: "create", path: folder.clone(), source })?;
     let mut files = Files { folder, written: Vec::new() };
-    let state = state(&runs);
+    let mut state = state(&runs);
+    let untouched = leave_out_untouched(&mut runs);
+    if !untouched.is_empty() {
+        state.push_str(&format!(" Left out, since no run of theirs has ended: {}.", untouched.join(", ")));
+    }
     let mut page = format!("# {}\n\n{}\n\n{state}\n", spec.name, spec.description);
 
     let mut made = Vec::new();
@@ -113,6 +119,25 @@ fn selected<'a>(runs: &'a [Run], only: Option<&str>) -> Result<Vec<&'a Run>, Rep
     Ok(runs.iter().filter(|run| meant(&run.spec)).collect())
 }
 
+/// Takes away the environments of which no run has ended, unless that is so of all, and names them: who asked for one
+/// environment alone gets no empty rows and panels of the others.
+fn leave_out_untouched(runs: &mut Vec<Run>) -> Vec<&'static str> {
+    let ended = |run: &Run| !matches!(run.state, State::Missing);
+    let touched: BTreeSet<EnvId> = runs.iter().filter(|run| ended(run)).map(|run| run.spec.env).collect();
+    if touched.is_empty() {
+        return Vec::new();
+    }
+    let mut untouched: Vec<&str> = Vec::new();
+    runs.retain(|run| {
+        let (keep, name) = (touched.contains(&run.spec.env), run.spec.env.name());
+        if !keep && !untouched.contains(&name) {
+            untouched.push(name);
+        }
+        keep
+    });
+    untouched
+}
+
 /// `12 of 35 runs finished, 2 failed`, and which did.
 fn state(runs: &[Run]) -> String {
     let finished = runs.iter().filter(|run| run.recording().is_some()).count();
@@ -173,6 +198,17 @@ mod tests {
         let error = write(&experiment(more), folder.path()).expect_err("text cannot be drawn");
         assert!(error.to_string().contains("`case`"), "{error}");
         assert!(folder.path().join("made-up/report/t.md").exists());
+    }
+
+    #[test]
+    fn environments_of_which_no_run_has_ended_are_left_out_and_named() {
+        let folder = tempfile::tempdir().expect("a folder");
+        record_some(folder.path());
+        let more = "[[matrix]]\nseed = [0]\nenv = [\"Ant-v2\"]\nalgorithm = [\"ppo\"]";
+        let written = write(&experiment(more), folder.path()).expect("written");
+        assert!(written.state.ends_with("Left out, since no run of theirs has ended: Ant-v2."), "{}", written.state);
+        assert_eq!(written.tables[0].rows.len(), 1);
+        assert!(written.state.starts_with("2 of 5 runs finished."));
     }
 
     #[test]
