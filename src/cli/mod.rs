@@ -6,17 +6,20 @@
 //! Exit codes: 0 all good; 1 some runs failed; 2 usage or configuration; 3 a reference verdict failed; 4 not reproduced;
 //! 130 interrupted, and resumable.
 
+mod again;
 mod completions;
 mod demo;
 mod eval;
 mod man;
 mod plan;
 mod report;
+mod reproduce;
 mod run;
 mod schema;
 mod selected;
 mod show;
 mod status;
+mod verify;
 
 use std::{
     io::{self, IsTerminal, Write},
@@ -52,6 +55,13 @@ enum Command {
     Status(Selected),
     /// Write tables and figures from recorded files alone
     Report(Selected),
+    /// Run a matrix and compare with what is recorded of it; exit with 4 where it is not reproduced
+    ///
+    /// Within one numeric class (CPU features, C library, engine and algorithms) every row and the policy must have the same
+    /// bits, what a clock said apart; elsewhere the first iteration must be within 5 %.
+    Verify(verify::VerifyArguments),
+    /// Run the run that a result comes from again, and compare; exit with 4 where it is not reproduced
+    Reproduce(reproduce::ReproduceArguments),
     /// Play episodes with a saved policy
     Eval(eval::EvalArguments),
     /// Collect, import, verify or show demonstrations
@@ -91,6 +101,8 @@ fn dispatch(arguments: Arguments) -> anyhow::Result<ExitCode> {
         Command::Plan(arguments) => plan::run(&arguments),
         Command::Status(selected) => status::run(&selected),
         Command::Report(selected) => report::run(&selected.load()?, &selected.results),
+        Command::Verify(arguments) => verify::run(&arguments),
+        Command::Reproduce(arguments) => reproduce::run(&arguments),
         Command::Eval(arguments) => eval::run(&arguments),
         Command::Demo(command) => demo::run(command),
         Command::Show(arguments) => show::run(&arguments),

@@ -6,6 +6,7 @@
 
 pub mod checkpoint;
 mod claim;
+pub mod compare;
 mod heartbeat;
 mod manifest;
 mod paths;

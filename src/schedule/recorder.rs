@@ -154,7 +154,11 @@ impl RunSink for Recorder<'_> {
             fs::create_dir_all(folder)
                 .map_err(|error| SinkError(format!("cannot create {}: {error}", folder.display())))?;
         }
-        policy::write(&path, agent, &self.manifest.stamp).map_err(sink_error)
+        policy::write(&path, agent, &self.manifest.stamp).map_err(sink_error)?;
+        if last {
+            self.manifest.policy = Some(policy::digest(&path).map_err(sink_error)?);
+        }
+        Ok(())
     }
 }
 

@@ -2,4 +2,5 @@
 
 mod campaigns;
 mod faults;
+mod reproduction;
 mod workbench;
