@@ -122,9 +122,18 @@ fn definition() -> clap::Command {
 fn complain(error: &anyhow::Error) {
     let text = match error.downcast_ref::<InvalidFiles>() {
         Some(invalid) => invalid.render(io::stderr().is_terminal()),
-        None => error.to_string().lines().map(|line| format!("error: {line}\n")).collect(),
+        None => told(error).lines().map(|line| format!("error: {line}\n")).collect(),
     };
     drop(io::stderr().write_all(text.as_bytes())); // nobody listens
+}
+
+/// An error with its causes, each unless what stands before says it already.
+fn told(error: &anyhow::Error) -> String {
+    error.chain().map(ToString::to_string).fold(String::new(), |told, cause| match told.as_str() {
+        "" => cause,
+        before if before.contains(&cause) => told,
+        before => format!("{before}: {cause}"),
+    })
 }
 
 /// Writes a result to stdout. A reader that has seen enough (`| head`) is no error.

@@ -13,6 +13,7 @@ use super::{
     again::{NOT_REPRODUCED, compute, exactness},
     print,
     selected::Selected,
+    told,
 };
 use crate::{
     record::{
@@ -82,7 +83,7 @@ pub fn run(arguments: &VerifyArguments) -> anyhow::Result<ExitCode> {
         match difference(run, &against.join("runs").join(&run.spec.id), &mut elsewhere) {
             Ok(None) => {}
             Ok(Some(difference)) => lines.push(format!("{}: {difference}\n", run.spec.id)),
-            Err(error) => lines.push(format!("{}: {error:#}\n", run.spec.id)),
+            Err(error) => lines.push(format!("{}: {}\n", run.spec.id, told(&error))),
         }
     }
     let differ = lines.len();
