@@ -54,8 +54,9 @@ impl<'a> Recorder<'a> {
             from_env_steps,
             error: None,
         });
-        manifest.write(&RunPaths::manifest(&paths.partial))?;
+        // In this order: a run that can be seen to have begun has a log that says so.
         info!("{} begins at {from_env_steps} of {} steps", spec.id, spec.budget.env_steps);
+        manifest.write(&RunPaths::manifest(&paths.partial))?;
         tell(&Event::Began { from_env_steps });
         Ok(Self {
             spec,
