@@ -14,7 +14,7 @@ pub(super) fn nearest_label<'a>(what: &str, name: &str, known: impl IntoIterator
     let known: Vec<&str> = known.into_iter().collect();
     let nearest = nearest(name, known.iter().copied())?;
     let distance = strsim::damerau_levenshtein(&name.to_lowercase(), &nearest.to_lowercase());
-    let is_near = 2 * distance <= name.len().max(nearest.len());
+    let is_near = 3 * distance <= 2 * name.len().max(nearest.len());
     Some(if is_near || known.len() > MOST_LISTED {
         format!("the nearest known {what} is `{nearest}`")
     } else {
