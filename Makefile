@@ -1,6 +1,6 @@
 # The commands of this project. `make demo` shows what it does; `make test` checks everything.
 
-.PHONY: demo test build setup clean
+.PHONY: demo test build ci-results setup clean
 
 demo: build
 	target/release/mcpo-run experiments/smoke.toml
@@ -9,6 +9,11 @@ test: setup
 	cargo fmt --check
 	cargo clippy --release --all-targets -- --deny warnings
 	cargo test --release
+
+# What `make test` compares this program's numbers with; to be made anew whenever they are meant to change.
+ci-results: build
+	rm -rf results/ci
+	target/release/mcpo-run verify experiments/ci.toml --against results/ci --record
 
 build: setup
 	@test -x target/release/mcpo-run || echo "building: about 4 minutes on two cores the first time, most of it polars" >&2

@@ -44,7 +44,8 @@ fn record(spec: &RunSpec, results: &Path, end: Result<f64, &str>) {
     fs::create_dir_all(&paths.complete).expect("made");
     let json = serde_json::to_value(spec).expect("a specification serialises");
     let build = Build::current(serde_json::Value::Null);
-    let mut manifest = Manifest::new(Stamp { spec: json, fingerprint: "f".into(), build, origin: None });
+    let mut manifest =
+        Manifest::new(Stamp { spec: json, fingerprint: "f".into(), demonstration: None, build, origin: None });
     manifest.outcome = match end {
         Err(error) => Outcome::Failed { error: error.into(), log_tail: Vec::new() },
         Ok(mean) => {

@@ -6,6 +6,7 @@
 //! Exit codes: 0 all good; 1 some runs failed; 2 usage or configuration; 3 a reference verdict failed; 4 not reproduced;
 //! 130 interrupted, and resumable.
 
+mod again;
 mod bench;
 mod completions;
 mod demo;
@@ -13,11 +14,13 @@ mod eval;
 mod man;
 mod plan;
 mod report;
+mod reproduce;
 mod run;
 mod schema;
 mod selected;
 mod show;
 mod status;
+mod verify;
 
 use std::{
     io::{self, IsTerminal, Write},
@@ -53,6 +56,13 @@ enum Command {
     Status(Selected),
     /// Write tables and figures from recorded files alone
     Report(Selected),
+    /// Run a matrix and compare with what is recorded of it; exit with 4 where it is not reproduced
+    ///
+    /// Within one numeric class (CPU features, C library, engine and algorithms) every row and the policy must have the same
+    /// bits, what a clock said apart; elsewhere the first iteration must be within 5 %.
+    Verify(verify::VerifyArguments),
+    /// Run the run that a result comes from again, and compare; exit with 4 where it is not reproduced
+    Reproduce(reproduce::ReproduceArguments),
     /// Play episodes with a saved policy
     Eval(eval::EvalArguments),
     /// Measure how fast training is, where its time goes, and how near it comes to what this core can do
@@ -94,6 +104,8 @@ fn dispatch(arguments: Arguments) -> anyhow::Result<ExitCode> {
         Command::Plan(arguments) => plan::run(&arguments),
         Command::Status(selected) => status::run(&selected),
         Command::Report(selected) => report::run(&selected.load()?, &selected.results),
+        Command::Verify(arguments) => verify::run(&arguments),
+        Command::Reproduce(arguments) => reproduce::run(&arguments),
         Command::Eval(arguments) => eval::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
         Command::Demo(command) => demo::run(command),
@@ -114,9 +126,18 @@ fn definition() -> clap::Command {
 fn complain(error: &anyhow::Error) {
     let text = match error.downcast_ref::<InvalidFiles>() {
         Some(invalid) => invalid.render(io::stderr().is_terminal()),
-        None => error.to_string().lines().map(|line| format!("error: {line}\n")).collect(),
+        None => told(error).lines().map(|line| format!("error: {line}\n")).collect(),
     };
     drop(io::stderr().write_all(text.as_bytes())); // nobody listens
+}
+
+/// An error with its causes, each unless what stands before says it already.
+fn told(error: &anyhow::Error) -> String {
+    error.chain().map(ToString::to_string).fold(String::new(), |told, cause| match told.as_str() {
+        "" => cause,
+        before if before.contains(&cause) => told,
+        before => format!("{before}: {cause}"),
+    })
 }
 
 /// Writes a result to stdout. A reader that has seen enough (`| head`) is no error.

@@ -5,10 +5,13 @@ use std::process::ExitCode;
 use comfy_table::{Cell, CellAlignment, Table, presets};
 
 use super::{print, selected::Selected};
-use crate::schedule::{
-    cost::CostModel,
-    progress::{clock, thousands},
-    state::{Planned, RunState},
+use crate::{
+    schedule::{
+        cost::CostModel,
+        progress::{clock, thousands},
+        state::{Planned, RunState},
+    },
+    spec::ExperimentSpec,
 };
 
 /// What to show of a plan.
@@ -24,11 +27,11 @@ pub struct PlanArguments {
 /// Shows every run.
 pub fn run(arguments: &PlanArguments) -> anyhow::Result<ExitCode> {
     let specs = arguments.selected.load()?;
-    show(&arguments.selected.planned(&specs)?, arguments.explain)
+    show(&specs, &arguments.selected.planned(&specs)?, arguments.explain)
 }
 
-/// Shows the runs of a plan with their states and costs.
-pub fn show(planned: &[Planned], explain: bool) -> anyhow::Result<ExitCode> {
+/// Shows the runs of a plan with their states and costs, and how many its files name twice.
+pub fn show(specs: &[ExperimentSpec], planned: &[Planned], explain: bool) -> anyhow::Result<ExitCode> {
     let states = planned.iter().map(Planned::state).collect::<Result<Vec<_>, _>>()?;
     let mut costs = CostModel::default();
     for (run, state) in planned.iter().zip(&states) {
@@ -59,8 +62,16 @@ pub fn show(planned: &[Planned], explain: bool) -> anyhow::Result<ExitCode> {
     }
     let finished = states.iter().filter(|state| matches!(state, RunState::Finished(_))).count();
     let left = planned.len() - finished;
+    let mut repeated = 0;
+    for spec in specs {
+        repeated += spec.named_runs() - crate::plan::plan(spec)?.len();
+    }
+    let repeated = match repeated {
+        0 => String::new(),
+        n => format!("; the blocks name {n} of their runs again, which are run once"),
+    };
     print(&format!(
-        "{table}\n{} runs, {finished} finished, {left} to do: about {} in one process\n",
+        "{table}\n{} runs, {finished} finished, {left} to do: about {} in one process{repeated}\n",
         planned.len(),
         clock(seconds_left)
     ))?;

@@ -4,7 +4,7 @@ use std::{collections::BTreeSet, path::Path, process::ExitCode, time::Duration};
 
 use anyhow::Context;
 
-use super::{plan, report, selected::Selected};
+use super::{complain, plan, report, selected::Selected};
 use crate::{
     plan::RunSpec,
     schedule::{
@@ -55,7 +55,7 @@ pub fn run(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
     let specs = selected.load()?;
     let planned = selected.planned(&specs)?;
     if arguments.dry_run {
-        return plan::show(&planned, false);
+        return plan::show(&specs, &planned, false);
     }
     // From here on, a signal stops cleanly.
     let stop = StopRequest::on_signals().context("cannot listen for signals")?;
@@ -90,8 +90,15 @@ pub fn run(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
     if summary.interrupted {
         return Ok(ExitCode::from(INTERRUPTED));
     }
-    let written = report::run(&specs, &selected.results).context("the runs are recorded, but not their report")?;
-    Ok(if summary.failed.is_empty() && summary.left == 0 { written } else { ExitCode::FAILURE })
+    let written = report::run(&specs, &selected.results).context("the runs are recorded, but not their report");
+    if summary.failed.is_empty() && summary.left == 0 {
+        return written;
+    }
+    // Runs that failed decide the exit code, whatever becomes of the report.
+    if let Err(error) = written {
+        complain(&error);
+    }
+    Ok(ExitCode::FAILURE)
 }
 
 /// The first screen: what will be run, and where its results go.

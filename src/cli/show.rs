@@ -20,6 +20,15 @@ pub struct ShowArguments {
 /// Prints where the file comes from.
 pub fn run(arguments: &ShowArguments) -> anyhow::Result<ExitCode> {
     let path = &arguments.file;
+    let (stamp, manifest) = provenance(path)?;
+    print(&render(path, &stamp, manifest.as_ref())?)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Where a result file or a run's folder comes from, with the manifest of its run where that is beside it.
+///
+/// Errors: there is no such file, it is damaged, or it carries no provenance.
+pub(super) fn provenance(path: &Path) -> anyhow::Result<(Stamp, Option<Manifest>)> {
     let folder = if path.is_dir() { path } else { path.parent().unwrap_or(Path::new(".")) };
     if !path.exists() {
         bail!("there is no file {}", path.display());
@@ -44,8 +53,7 @@ pub fn run(arguments: &ShowArguments) -> anyhow::Result<ExitCode> {
         ..stamp.clone()
     };
     let manifest = manifest.filter(|manifest| manifest.stamp.fingerprint == stamp.fingerprint);
-    print(&render(path, &stamp, manifest.as_ref())?)?;
-    Ok(ExitCode::SUCCESS)
+    Ok((stamp, manifest))
 }
 
 fn render(path: &Path, stamp: &Stamp, manifest: Option<&Manifest>) -> anyhow::Result<String> {
@@ -75,9 +83,10 @@ fn render(path: &Path, stamp: &Stamp, manifest: Option<&Manifest>) -> anyhow::Re
     }
     let build = &stamp.build;
     rows.push(("fingerprint", stamp.fingerprint.clone()));
+    rows.extend(stamp.demonstration.clone().map(|digest| ("demo digest", digest)));
     rows.push(("program", format!("mcpo-run {}, executable {}", build.program, build.executable)));
     rows.push(("versions", build.versions.to_string()));
-    rows.push(("cpu class", build.cpu_class.clone()));
+    rows.push(("cpu class", format!("{}, libm {}", build.cpu_class, build.libm)));
     if let Some(origin) = &stamp.origin {
         rows.push(("host", format!("{}, {}", origin.host, origin.cpu)));
         rows.push(("command", origin.command_line.join(" ")));

@@ -20,6 +20,9 @@ pub struct Manifest {
     pub env_steps: u64,
     /// Wall-clock seconds of training and evaluation, over the attempts whose work counts.
     pub seconds: f64,
+    /// The digest of the policy at the end of training; absent before, and where there is none.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub policy: Option<String>,
     /// What became of the run.
     pub outcome: Outcome,
 }
@@ -63,7 +66,7 @@ pub enum Outcome {
 impl Manifest {
     /// A run that begins now.
     pub fn new(stamp: Stamp) -> Self {
-        Self { stamp, attempts: Vec::new(), env_steps: 0, seconds: 0.0, outcome: Outcome::Begun }
+        Self { stamp, attempts: Vec::new(), env_steps: 0, seconds: 0.0, policy: None, outcome: Outcome::Begun }
     }
 
     /// Reads `run.json`; `None` where there is none.
@@ -117,7 +120,13 @@ mod tests {
     fn manifest() -> Manifest {
         let build = Build::current(serde_json::json!({ "mujoco": "3.17.0" }));
         let spec = serde_json::json!({ "id": "a/b" });
-        Manifest::new(Stamp { spec, fingerprint: "f".to_owned(), build, origin: Some(Origin::current()) })
+        Manifest::new(Stamp {
+            spec,
+            fingerprint: "f".to_owned(),
+            demonstration: None,
+            build,
+            origin: Some(Origin::current()),
+        })
     }
 
     #[test]

@@ -6,6 +6,7 @@
 
 pub mod checkpoint;
 mod claim;
+pub mod compare;
 mod heartbeat;
 mod manifest;
 mod paths;
@@ -26,6 +27,9 @@ pub use heartbeat::Heartbeat;
 pub use manifest::{Attempt, Manifest, Outcome};
 pub use paths::{RunPaths, check_writable, experiment_folder};
 pub use provenance::{Build, Origin, Stamp, cpu_class, now};
+
+/// How the names of files begin that are not yet in their place.
+const WRITING: &str = ".writing-";
 
 /// What can go wrong when results are written or read; the message names the file.
 #[derive(Debug, thiserror::Error)]
@@ -94,7 +98,7 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), RecordError> {
 /// An unnamed file in `folder`, readable as the user's other files are (a bare temporary file is its owner's alone).
 fn beside(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
     let mut builder = tempfile::Builder::new();
-    builder.prefix(".writing-");
+    builder.prefix(WRITING);
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;

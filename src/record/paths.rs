@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use super::{Manifest, Outcome, RecordError, io_error, rename, write_atomically};
+use super::{Manifest, Outcome, RecordError, WRITING, io_error, rename, write_atomically};
 
 /// The places of one run.
 ///
@@ -94,13 +94,21 @@ impl RunPaths {
     }
 
     /// Makes the folder in which the run is written. One that ended in failure is taken up again: its checkpoint counts.
+    /// Files that a killed process was writing are removed; only the holder of the claim may call this.
     ///
-    /// Errors: the folders cannot be made or renamed.
+    /// Errors: the folders cannot be made, renamed or read.
     pub fn open(&self) -> Result<(), RecordError> {
         if self.complete.exists() && !self.partial.exists() {
-            return rename(&self.complete, &self.partial);
+            rename(&self.complete, &self.partial)?;
         }
-        fs::create_dir_all(&self.partial).map_err(io_error("create", &self.partial))
+        fs::create_dir_all(&self.partial).map_err(io_error("create", &self.partial))?;
+        for entry in fs::read_dir(&self.partial).map_err(io_error("read", &self.partial))? {
+            let entry = entry.map_err(io_error("read", &self.partial))?;
+            if entry.file_name().to_string_lossy().starts_with(WRITING) {
+                remove_if_there(&entry.path())?;
+            }
+        }
+        Ok(())
     }
 
     /// Puts what was written into its place, with `manifest` as its last word. A run that failed keeps its checkpoint, to go
@@ -234,6 +242,20 @@ mod tests {
         assert_eq!(kept(1).expect("kept"), "first");
         assert_eq!(kept(2).expect("kept"), "second");
         assert!(paths.set_aside().expect("nothing to do").is_empty());
+    }
+
+    #[test]
+    fn what_a_killed_process_was_writing_is_removed() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let paths = RunPaths::new(folder.path(), "e", "a/b").expect("a good id");
+        paths.open().expect("made");
+        for name in [".writing-x1", "checkpoint"] {
+            fs::write(paths.partial.join(name), "half").expect("written");
+        }
+        paths.open().expect("taken up");
+        let names: Vec<_> =
+            fs::read_dir(&paths.partial).expect("readable").map(|entry| entry.expect("e").file_name()).collect();
+        assert_eq!(names, ["checkpoint"]);
     }
 
     #[test]

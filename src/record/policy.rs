@@ -32,8 +32,27 @@ pub fn write(path: &Path, agent: &Agent, stamp: &Stamp) -> Result<(), RecordErro
 ///
 /// Errors: there is no such file, it is damaged, its shapes do not fit together, or a number is not finite.
 pub fn read(path: &Path) -> Result<(Agent, Stamp), RecordError> {
-    let bytes = read_bounded(path, LIMIT)?.ok_or_else(|| malformed(path, "there is no such file".to_owned()))?;
-    decode(&bytes).map_err(|reason| malformed(path, reason))
+    decode(&bytes(path)?).map_err(|reason| malformed(path, reason))
+}
+
+/// The BLAKE3 digest of the numbers in a policy's file, whatever it says beside them.
+///
+/// Errors: there is no such file, or it is damaged.
+pub fn digest(path: &Path) -> Result<String, RecordError> {
+    let bytes = bytes(path)?;
+    let tensors = SafeTensors::deserialize(&bytes).map_err(|error| malformed(path, error.to_string()))?;
+    let mut tensors = tensors.tensors();
+    tensors.sort_by(|(a, _), (b, _)| a.cmp(b));
+    let mut hasher = blake3::Hasher::new();
+    for (name, view) in tensors {
+        hasher.update(format!("{name} {:?} {:?} ", view.dtype(), view.shape()).as_bytes());
+        hasher.update(view.data());
+    }
+    Ok(hasher.finalize().to_hex().to_string())
+}
+
+fn bytes(path: &Path) -> Result<Vec<u8>, RecordError> {
+    read_bounded(path, LIMIT)?.ok_or_else(|| malformed(path, "there is no such file".to_owned()))
 }
 
 fn malformed(path: &Path, reason: String) -> RecordError {
@@ -264,6 +283,23 @@ mod tests {
         assert_eq!(read_agent, agent());
         assert_eq!(read_stamp, stamp());
         assert_eq!(encode(&agent(), &stamp()), encode(&read_agent, &read_stamp));
+    }
+
+    #[test]
+    fn a_digest_is_of_the_numbers_alone() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let digest_of = |agent: &Agent, stamp: &Stamp| {
+            let path = folder.path().join("policy.safetensors");
+            write(&path, agent, stamp).expect("written");
+            digest(&path).expect("readable")
+        };
+        let whole = digest_of(&agent(), &stamp());
+        assert_eq!(digest_of(&agent(), &Stamp { fingerprint: "another".to_owned(), ..stamp() }), whole);
+        let mut other = agent();
+        let number = &mut other.value.parameters_mut()[0];
+        *number = number.next_up();
+        assert_ne!(digest_of(&other, &stamp()), whole);
+        assert!(digest(&folder.path().join("none")).is_err());
     }
 
     #[test]

@@ -12,6 +12,9 @@ pub struct Stamp {
     pub spec: Value,
     /// The hash of everything that decides the numbers.
     pub fingerprint: String,
+    /// BLAKE3 of the demonstration's file, for a run that uses one.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub demonstration: Option<String>,
     /// What computed it.
     pub build: Build,
     /// Who called it; not in policies, whose bytes depend on nothing but the run.
@@ -29,7 +32,7 @@ impl Stamp {
     }
 }
 
-/// The program and the class of machine; runs of equal builds have equal bits.
+/// The program and the class of machine.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Build {
     /// The program's version.
@@ -40,9 +43,17 @@ pub struct Build {
     pub versions: Value,
     /// The processor's [`cpu_class`].
     pub cpu_class: String,
+    /// Digest of what the system's elementary functions give, whose last bits differ between versions of the C library.
+    #[serde(default)]
+    pub libm: String,
 }
 
 impl Build {
+    /// What decides a run's last bits beside its specification; equal classes have equal bits.
+    pub fn numeric_class(&self) -> (&str, &str, &Value) {
+        (&self.cpu_class, &self.libm, &self.versions)
+    }
+
     /// This program on this machine; `versions` are those of the fingerprint.
     pub fn current(versions: Value) -> Self {
         let executable = env::current_exe().and_then(fs::read);
@@ -52,6 +63,7 @@ impl Build {
                 .map_or_else(|error| format!("unreadable: {error}"), |bytes| blake3::hash(&bytes).to_hex().to_string()),
             versions,
             cpu_class: cpu_class(),
+            libm: libm(),
         }
     }
 }
@@ -128,6 +140,23 @@ pub fn cpu_class() -> String {
 #[cfg(not(target_arch = "x86_64"))]
 pub fn cpu_class() -> String {
     env::consts::ARCH.to_owned()
+}
+
+/// The first digits of the BLAKE3 digest of the functions that environments, networks and updates call, at a thousand places.
+fn libm() -> String {
+    let functions: [fn(f64) -> f64; 6] = [f64::exp, f64::exp_m1, f64::ln, f64::sin, f64::cos, |x| x.powf(1.7)];
+    let single: [fn(f32) -> f32; 2] = [f32::exp, f32::ln];
+    let mut hasher = blake3::Hasher::new();
+    for place in 1..=1000 {
+        let x = std::hint::black_box(f64::from(place) / 1001.0); // no compiler's own value
+        for function in functions {
+            hasher.update(&function(x).to_le_bytes());
+        }
+        for function in single {
+            hasher.update(&function(x as f32).to_le_bytes());
+        }
+    }
+    hasher.finalize().to_hex()[..16].to_owned()
 }
 
 /// The repository's state; `None` without a repository or without git.

@@ -274,12 +274,12 @@ fn write(path: &Path, frame: PolarsResult<DataFrame>, stamp: &Stamp) -> Result<(
     write_atomically(path, &bytes)
 }
 
-fn read(path: &Path) -> Result<DataFrame, RecordError> {
+pub(super) fn read(path: &Path) -> Result<DataFrame, RecordError> {
     let file = File::open(path).map_err(io_error("read", path))?;
     ParquetReader::new(file).finish().map_err(|error| malformed(path, error))
 }
 
-fn malformed(path: &Path, error: PolarsError) -> RecordError {
+pub(super) fn malformed(path: &Path, error: PolarsError) -> RecordError {
     RecordError::Malformed { path: path.to_owned(), expected: "a table of results", reason: error.to_string() }
 }
 
@@ -325,10 +325,16 @@ pub(crate) mod tests {
 
     pub(crate) fn stamp() -> Stamp {
         let spec = serde_json::json!({ "id": "a/b" });
-        Stamp { spec, fingerprint: "f".to_owned(), build: Build::current(serde_json::Value::Null), origin: None }
+        Stamp {
+            spec,
+            fingerprint: "f".to_owned(),
+            demonstration: None,
+            build: Build::current(serde_json::Value::Null),
+            origin: None,
+        }
     }
 
-    fn keys(d: Option<f64>) -> Keys {
+    pub(crate) fn keys(d: Option<f64>) -> Keys {
         Keys {
             experiment: "e".to_owned(),
             run: "a/b".to_owned(),

@@ -88,8 +88,9 @@ pub fn record(run: &Run, results: &Path) {
         executable: String::new(),
         versions: serde_json::Value::Null,
         cpu_class: String::new(),
+        libm: String::new(),
     };
-    let stamp = Stamp { spec, fingerprint: "f".into(), build, origin: None };
+    let stamp = Stamp { spec, fingerprint: "f".into(), demonstration: None, build, origin: None };
     let keys = rows::Keys {
         experiment: run.spec.experiment.clone(),
         run: run.spec.id.clone(),

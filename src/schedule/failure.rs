@@ -16,11 +16,12 @@ const TAIL_BYTES: u64 = 16 << 10;
 
 /// Why a process that told nothing ended: how it did, and the first line of what it said of it.
 pub(super) fn cause(how: &str, stderr: &[String]) -> String {
-    // A panic's place and its message are two lines.
+    // A panic's place and its message are two lines; what a failed allocation says has others behind it.
     let panic = stderr.iter().position(|line| line.contains("panicked at"));
+    let memory = stderr.iter().find(|line| line.starts_with("memory allocation of"));
     let said = match panic {
         Some(place) => stderr.get(place + 1).or(stderr.get(place)),
-        None => stderr.iter().rev().find(|line| !line.trim().is_empty()),
+        None => memory.or(stderr.iter().rev().find(|line| !line.trim().is_empty())),
     };
     match said {
         Some(line) => format!("its process {}: {}", phrase(how), line.trim()),
@@ -104,6 +105,11 @@ mod tests {
         );
         assert_eq!(cause("killed by signal 9 (SIGKILL)", &[]), "its process was killed by signal 9 (SIGKILL)");
         assert_eq!(cause("exit code 3", &lines("first\nlast\n\n")), "its process left with exit code 3: last");
+        let memory = lines("memory allocation of 8 bytes failed\nstack backtrace:\nskipping backtrace printing");
+        assert_eq!(
+            cause("exit code 3", &memory),
+            "its process left with exit code 3: memory allocation of 8 bytes failed"
+        );
     }
 
     #[test]

@@ -64,6 +64,7 @@ pub(crate) mod tests {
         let stamp = Stamp {
             spec: serde_json::to_value(&spec).expect("JSON"),
             fingerprint: format!("{name}-{seed}"),
+            demonstration: None,
             build: Build::current(serde_json::Value::Null),
             origin: None,
         };

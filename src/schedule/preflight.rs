@@ -99,6 +99,7 @@ pub fn plan(specs: Vec<RunSpec>, results: &Path) -> Result<Vec<Planned>, Problem
         let stamp = Stamp {
             spec: serde_json::to_value(&spec).unwrap_or_default(),
             fingerprint: spec.fingerprint(digest, &versions),
+            demonstration: digest.map(str::to_owned),
             build: build.clone(),
             origin: Some(origin.clone()),
         };

@@ -57,8 +57,9 @@ impl<'a> Recorder<'a> {
             from_env_steps,
             error: None,
         });
-        manifest.write(&RunPaths::manifest(&paths.partial))?;
+        // In this order: a run that can be seen to have begun has a log that says so.
         info!("{} begins at {from_env_steps} of {} steps", spec.id, spec.budget.env_steps);
+        manifest.write(&RunPaths::manifest(&paths.partial))?;
         tell(&Event::Began { from_env_steps });
         Ok(Self {
             spec,
@@ -157,7 +158,11 @@ impl RunSink for Recorder<'_> {
             fs::create_dir_all(folder)
                 .map_err(|error| SinkError(format!("cannot create {}: {error}", folder.display())))?;
         }
-        policy::write(&path, agent, &self.manifest.stamp).map_err(sink_error)
+        policy::write(&path, agent, &self.manifest.stamp).map_err(sink_error)?;
+        if last {
+            self.manifest.policy = Some(policy::digest(&path).map_err(sink_error)?);
+        }
+        Ok(())
     }
 
     fn pretrained(

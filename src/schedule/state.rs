@@ -5,6 +5,9 @@ use crate::{
     record::{Checkpoint, Claim, Heartbeat, Manifest, Outcome, RecordError, RunPaths, Stamp},
 };
 
+/// What differs where no key does.
+const DEMONSTRATION: &str = "the demonstration's content";
+
 /// A run with everything that its process needs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Planned {
@@ -82,17 +85,26 @@ impl Planned {
         if manifest.stamp.fingerprint == self.stamp.fingerprint {
             return None;
         }
-        let keys = match serde_json::from_value(manifest.stamp.spec.clone()) {
+        let mut keys = self.differences(&manifest.stamp);
+        let (before, after) = (&manifest.stamp.build.versions, &self.stamp.build.versions);
+        keys.extend((before != after).then(|| format!("versions: {before} -> {after}")));
+        if keys.is_empty() {
+            // Older programs recorded it in the fingerprint alone.
+            keys.push(DEMONSTRATION.to_owned());
+        }
+        Some(RunState::Differs { keys })
+    }
+
+    /// In what this run differs from the one that left `recorded`, the versions of what computes it apart; empty when it is the
+    /// same run.
+    pub fn differences(&self, recorded: &Stamp) -> Vec<String> {
+        let mut keys = match serde_json::from_value(recorded.spec.clone()) {
             Ok(recorded) => plan::differences(&recorded, &self.spec),
             Err(_) => vec!["the specification's format".to_owned()],
         };
-        let (before, after) = (&manifest.stamp.build.versions, &self.stamp.build.versions);
-        let versions = (before != after).then(|| format!("versions: {before} -> {after}"));
-        let mut keys: Vec<String> = keys.into_iter().chain(versions).collect();
-        if keys.is_empty() {
-            keys.push("the demonstration's content".to_owned());
-        }
-        Some(RunState::Differs { keys })
+        let digests = recorded.demonstration.as_ref().zip(self.stamp.demonstration.as_ref());
+        keys.extend(digests.filter(|(before, after)| before != after).map(|_| DEMONSTRATION.to_owned()));
+        keys
     }
 }
 

@@ -46,7 +46,7 @@ impl Draft<'_> {
     /// Everything that does not go together; of several combinations with one fault at one place, the first.
     pub(super) fn check(&self) -> Findings {
         let mut findings = Findings { errors: self.missing_keys().collect(), missing: Vec::new() };
-        let runs = self.spec.matrix.iter().map(Block::size).fold(0, usize::saturating_add);
+        let runs = self.spec.named_runs();
         if runs > MOST_RUNS {
             let message = format!("the matrix has {runs} runs; {MOST_RUNS} are the most");
             findings.errors.push(self.at_matrix(message));

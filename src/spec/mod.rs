@@ -105,6 +105,11 @@ pub fn parse(path: &Path, text: &str, overrides: &Overrides) -> Result<Experimen
 pub type Combination<'a> = (EnvId, &'a str, Vec<(&'a str, &'a toml::Value)>);
 
 impl ExperimentSpec {
+    /// How many runs the blocks name; what two of them name counts twice.
+    pub fn named_runs(&self) -> usize {
+        self.matrix.iter().map(Block::size).fold(0, usize::saturating_add)
+    }
+
     /// Whether the runs that learn from these demonstrations can start.
     ///
     /// Errors: those that are not there, with the place that names them. A report needs none, so [`load`] does not refuse

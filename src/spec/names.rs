@@ -6,9 +6,20 @@ pub(super) fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) 
     known.into_iter().min_by_key(|known| strsim::damerau_levenshtein(&name, &known.to_lowercase()))
 }
 
-/// "the nearest known key is `max_kl`", where `what` is "key".
+/// The most names that are listed where none is near.
+const MOST_LISTED: usize = 30;
+
+/// "the nearest known key is `max_kl`", where `what` is "key"; all of them where none is near and they are few.
 pub(super) fn nearest_label<'a>(what: &str, name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<String> {
-    nearest(name, known).map(|nearest| format!("the nearest known {what} is `{nearest}`"))
+    let known: Vec<&str> = known.into_iter().collect();
+    let nearest = nearest(name, known.iter().copied())?;
+    let distance = strsim::damerau_levenshtein(&name.to_lowercase(), &nearest.to_lowercase());
+    let is_near = 3 * distance <= 2 * name.len().max(nearest.len());
+    Some(if is_near || known.len() > MOST_LISTED {
+        format!("the nearest known {what} is `{nearest}`")
+    } else {
+        format!("none is near; known are {}", list(known))
+    })
 }
 
 /// "`a`, `b` and `c`".
@@ -24,10 +35,29 @@ pub(super) fn list<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
 /// A message of serde, toml or a bounded number in plain words, and what to show at the caret.
 pub(super) fn plain(message: &str) -> (String, Option<String>) {
     let message = message.lines().next().unwrap_or_default();
-    wrong_type(message)
+    wrong_choice(message)
+        .or_else(|| too_large(message))
+        .or_else(|| wrong_type(message))
         .or_else(|| out_of_range(message))
         .or_else(|| unknown_name(message))
         .unwrap_or_else(|| (message.to_owned(), None))
+}
+
+/// Of what is a name, or a table with a name and its fields.
+fn wrong_choice(message: &str) -> Option<(String, Option<String>)> {
+    let wrong = match message {
+        "wanted string or table" => "this is neither a name nor a table",
+        _ if message.starts_with("wanted exactly 1 element") => "this table does not hold one choice",
+        _ => return None,
+    };
+    Some((wrong.into(), Some("expected a name, or a table with one name and its fields".into())))
+}
+
+/// Whole numbers beyond 64 bits.
+fn too_large(message: &str) -> Option<(String, Option<String>)> {
+    let (number, rest) = message.strip_prefix("invalid type: integer `")?.split_once('`')?;
+    let (_, expected) = rest.strip_prefix(" as ")?.split_once(", expected ")?;
+    Some((format!("{number} is out of range"), Some(format!("expected {} of 64 bits", type_in_words(expected)))))
 }
 
 fn wrong_type(message: &str) -> Option<(String, Option<String>)> {
@@ -97,6 +127,11 @@ mod tests {
         assert_eq!(nearest("max_klp", ["max_d", "max_kl", "mmd"]), Some("max_kl"));
         assert_eq!(nearest("PPO", ["mcpo", "ppo"]), Some("ppo"));
         assert_eq!(nearest("ppo", []), None);
+        // What resembles nothing is shown what there is.
+        assert_eq!(
+            nearest_label("key", "clip", ["d", "damping"]).as_deref(),
+            Some("none is near; known are `d` and `damping`")
+        );
     }
 
     #[test]
@@ -109,6 +144,9 @@ mod tests {
         assert_eq!(label.as_deref(), Some("expected a whole number"));
         let (_, label) = plain("invalid type: floating point `100000.0`, expected i64");
         assert_eq!(label.as_deref(), Some("expected a whole number, such as 100000"));
+        let (message, label) = plain("invalid type: integer `99999999999999999999` as i128, expected i64");
+        assert_eq!(message, "99999999999999999999 is out of range");
+        assert_eq!(label.as_deref(), Some("expected a whole number of 64 bits"));
         let (_, label) = plain("unexpected keys in table: distanc, available keys: distance, mode");
         assert_eq!(label.as_deref(), Some("the nearest known key is `distance`"));
         let (message, label) = plain("-1 is out of range; expected a finite number above 0");

@@ -178,16 +178,21 @@ fn extended(layer: &Layer) -> Option<(PathBuf, Range<usize>)> {
 }
 
 fn read(path: &Path) -> Result<String, String> {
-    let mut text = String::new();
+    let mut bytes = Vec::new();
     let file = fs::File::open(path).map_err(|error| match error.kind() {
         io::ErrorKind::NotFound => "there is no such file".to_owned(),
         _ => format!("cannot open it: {error}"),
     })?;
-    match file.take(LONGEST + 1).read_to_string(&mut text) {
-        Err(error) => Err(format!("cannot read it: {error}")),
-        Ok(length) if length as u64 > LONGEST => Err(format!("it is longer than {LONGEST} bytes")),
-        Ok(_) => Ok(text),
+    file.take(LONGEST + 1).read_to_end(&mut bytes).map_err(|error| format!("cannot read it: {error}"))?;
+    if bytes.len() as u64 > LONGEST {
+        return Err(format!("it is longer than {LONGEST} bytes"));
     }
+    String::from_utf8(bytes).map_err(|error| {
+        let before = String::from_utf8_lossy(&error.as_bytes()[..error.utf8_error().valid_up_to()]).into_owned();
+        let line = before.matches('\n').count() + 1;
+        let column = before.rsplit('\n').next().unwrap_or_default().chars().count() + 1;
+        format!("it is not UTF-8 text: line {line}, column {column} begins no character")
+    })
 }
 
 /// The layers stronger than any file: environment variables, then `--set`.

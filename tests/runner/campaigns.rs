@@ -162,3 +162,25 @@ fn shells_manuals_and_editors_are_served() {
     assert!(schema.get("properties").is_some());
     assert!(!bench.expect(0, &["--help"]).0.contains("worker"), "the workers' command is nobody else's");
 }
+
+#[test]
+fn a_report_that_cannot_be_written_is_told_with_its_cause_and_hides_no_failure() {
+    let bench = Workbench::new(1024);
+    fs::create_dir_all(bench.path("results/tiny")).expect("made");
+    fs::write(bench.path("results/tiny/report"), "in the way").expect("written");
+    let (_, stderr) = bench.expect(2, &["tiny.toml", "--only", "seed=0"]);
+    assert!(stderr.contains("error: the runs are recorded, but not their report: cannot"), "{stderr}");
+    let (_, stderr) = bench
+        .expect(1, &["tiny.toml", "--set", "algorithms.ppo.learning_rate=1e38", "--results", "results", "--fresh"]);
+    assert!(stderr.contains("diverged") && stderr.contains("but not their report"), "{stderr}");
+}
+
+#[test]
+fn runs_that_two_blocks_name_are_run_once_and_told() {
+    let bench = Workbench::new(1024);
+    let matrix = fs::read_to_string(bench.path("tiny.toml")).expect("readable");
+    let again = "[[matrix]]\nseed = [1, 2]\nenv = [\"InvertedPendulum-v2\"]\nalgorithm = [\"ppo\"]\n";
+    fs::write(bench.path("tiny.toml"), format!("{matrix}\n{again}")).expect("written");
+    let (stdout, _) = bench.expect(0, &["plan", "tiny.toml"]);
+    assert!(stdout.contains("5 runs, 0 finished") && stdout.contains("name 1 of their runs again"), "{stdout}");
+}

@@ -2,5 +2,6 @@
 
 mod campaigns;
 mod faults;
+mod reproduction;
 mod sharing;
 mod workbench;

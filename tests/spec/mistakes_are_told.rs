@@ -1,6 +1,6 @@
 //! Every file of `mistakes/` is refused, with all of its mistakes at their line and column.
 
-use std::{fs, path::Path};
+use std::{fs, path::Path, process::Command};
 
 use mcpo_run::spec::{self, Overrides, Place, SpecErrors};
 use proptest::prelude::*;
@@ -11,6 +11,7 @@ use super::{LEAST, parse};
 type Told = (usize, usize, &'static str, &'static str);
 
 const MISTAKES: &[(&str, &[Told])] = &[
+    ("algorithm_that_is_a_number", &[(9, 14, "an algorithm cannot be a whole number", "expected its name")]),
     ("axis_given_twice", &[(11, 1, "the axes `d` and `mcpo.d` are the same", "")]),
     ("axis_that_is_no_list", &[(10, 5, "the axis `d` cannot be", "expected a list")]),
     (
@@ -22,9 +23,11 @@ const MISTAKES: &[(&str, &[Told])] = &[
     ("axis_without_quotes", &[(10, 1, "unknown axis `mcpo`", "`\"mcpo.max_kl\" = [...]`")]),
     ("bad_syntax", &[(4, 13, "a value is missing", "expected a value"), (10, 20, "unclosed array", "expected `]`")]),
     ("budget_below_one_rollout", &[(4, 13, "1000 is smaller than one rollout", "at least one rollout")]),
+    ("column_that_is_a_list", &[(15, 11, "`columns`: a list does not belong here", "expected a string")]),
     ("duplicate_key", &[(5, 1, "duplicate key", "")]),
     ("empty_list", &[(7, 13, "the list of `seed` is empty", "")]),
     ("environment_twice", &[(8, 29, "lists InvertedPendulum-v2 twice", "")]),
+    ("extends_a_folder", &[(1, 11, "cannot read it", "")]),
     ("extends_a_missing_file", &[(1, 11, "not_there.toml: there is no such file", "")]),
     ("extends_itself", &[(1, 11, "extends itself", "")]),
     ("figure_of_an_unknown_column", &[(14, 10, "unknown y `retrun`", "`return`")]),
@@ -36,6 +39,8 @@ const MISTAKES: &[(&str, &[Told])] = &[
     ("figure_with_an_unknown_key", &[(16, 1, "unknown key `logy`", "`log_y`")]),
     ("figure_without_y", &[(11, 1, "this figure has no `y`", "")]),
     ("hidden_name", &[(1, 8, "`.broken` cannot name a file", "the first no `.`")]),
+    ("key_of_another_algorithm", &[(12, 1, "unknown key `clip` of `mcpo`", "none is near; known are")]),
+    ("list_for_a_table", &[(3, 1, "`budget` cannot be a list", "")]),
     (
         "many_mistakes",
         &[
@@ -58,12 +63,20 @@ const MISTAKES: &[(&str, &[Told])] = &[
     ("name_that_leads_outside", &[(1, 8, "`../broken` cannot name a file", "expected letters")]),
     ("negative_budget", &[(4, 13, "-100000 is out of range", "a whole number, 1 or above")]),
     ("negative_seed", &[(7, 17, "the seed -1 is out of range", "0 or above")]),
+    ("nothing", &[(1, 1, "`name` is missing", "`name = "), (1, 1, "`matrix` is missing", "`[[matrix]]`")]),
+    ("number_beyond_64_bits", &[(4, 13, "99999999999999999999 is out of range", "a whole number of 64 bits")]),
+    ("number_that_is_none", &[(12, 10, "`max_kl`: NaN is out of range", "a finite number above 0")]),
     ("number_with_a_point", &[(4, 13, "100000.0 does not belong here", "such as 100000")]),
     ("out_of_range", &[(12, 12, "`discount`: 1 is out of range", "from 0 to below 1")]),
     ("out_of_range_inside_a_choice", &[(12, 35, "-1 is out of range", "above 0")]),
     ("reward_of_another_environment", &[(12, 10, "`sparse1` is no reward", "`dense` or `sparse2`")]),
+    ("reward_of_two_kinds", &[(12, 10, "this table does not hold one choice", "a table with one name")]),
+    ("reward_that_is_a_number", &[(12, 10, "this is neither a name nor a table", "expected a name")]),
     ("rollout_that_does_not_divide", &[(12, 9, "4096 cannot be shared among rollout.environments 7", "a multiple")]),
+    ("seed_beyond_64_bits", &[(7, 9, "the seed 18446744073709551616 is out of range", "0 or above")]),
     ("seed_twice", &[(7, 20, "`seed` lists 0 twice", "")]),
+    ("selection_without_a_value", &[(16, 8, "`algorithm` is not of the form KEY=VALUE", "")]),
+    ("string_without_end", &[(1, 15, "invalid basic string", "expected `\"`")]),
     ("table_name_that_leads_outside", &[(12, 11, "`a/b` cannot name a file", "expected letters")]),
     ("table_with_an_unknown_reference", &[(16, 13, "unknown reference `tabel5`", "`table5`")]),
     ("two_figures_of_one_name", &[(18, 10, "two figures are called `figure`", "")]),
@@ -83,6 +96,7 @@ const MISTAKES: &[(&str, &[Told])] = &[
     ("unknown_reward_field", &[(12, 24, "unknown key `distanc`; known are `distance` and `mode`", "`distance`")]),
     ("unknown_root_key", &[(3, 2, "unknown key `bugdet`", "`budget`")]),
     ("unknown_section_key", &[(4, 1, "unknown key `env_step` in `budget`", "`env_steps`")]),
+    ("windows_line_ends", &[(12, 1, "unknown key `max_klp` of `mcpo`", "`max_kl`")]),
     ("wrong_type", &[(4, 13, "`budget.env_steps`: the string \"many\"", "a whole number")]),
 ];
 
@@ -121,6 +135,32 @@ fn every_mistake_is_told_at_its_line_and_column() {
             errors.iter().all(|error| matches!(&error.place, Place::File { path, .. } if path.ends_with(file)));
         assert!(blamed, "{errors}");
     }
+}
+
+#[test]
+fn the_program_refuses_every_mistake_with_code_2_and_writes_nothing() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let results = folder.path().join("results");
+    for (name, told) in MISTAKES {
+        let path = format!("tests/spec/mistakes/{name}.toml");
+        let mut program = Command::new(env!("CARGO_BIN_EXE_mcpo-run"));
+        let output = program.arg(&path).arg("--results").arg(&results).output().expect("it starts");
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{name}: {stderr}");
+        for (line, column, ..) in *told {
+            assert!(stderr.contains(&format!("{path}:{line}:{column}]")), "{name}: {stderr}");
+        }
+        assert!(!results.exists(), "{name}: something was written");
+    }
+}
+
+#[test]
+fn a_file_that_is_no_text_is_told_by_its_line() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("binary.toml");
+    fs::write(&path, b"name = 'x'\ny = '\xc3\xa9\xff'\n").expect("written");
+    let errors = spec::load(&path, &Overrides::default()).expect_err("no text").to_string();
+    assert!(errors.contains("not UTF-8 text: line 2, column 7"), "{errors}");
 }
 
 #[test]

@@ -144,18 +144,16 @@ impl Checker<'_> {
     }
 
     fn seed(&mut self, element: &Value<'_>) -> Option<String> {
-        match plain_value(element) {
-            Some(toml::Value::Integer(seed)) if seed >= 0 => Some(seed.to_string()),
-            Some(toml::Value::Integer(seed)) => {
-                self.wrong(
-                    element.span(),
-                    format!("the seed {seed} is out of range"),
-                    Some("expected a whole number, 0 or above".into()),
-                );
+        let expected = "a whole number, 0 or above";
+        match (plain_value(element), element.get_ref().as_integer()) {
+            (Some(toml::Value::Integer(seed)), _) if seed >= 0 => Some(seed.to_string()),
+            (_, Some(seed)) => {
+                let message = format!("the seed {} is out of range", seed.as_str());
+                self.wrong(element.span(), message, Some(format!("expected {expected}, of 64 bits")));
                 None
             }
             _ => {
-                self.wrong_type(element, "a seed", "a whole number, 0 or above");
+                self.wrong_type(element, "a seed", expected);
                 None
             }
         }

@@ -1,0 +1,50 @@
+//! Runs that are computed once more, to be compared with what is recorded of them.
+
+use std::{path::Path, time::Duration};
+
+use anyhow::Context;
+
+use crate::{
+    record::{Stamp, compare::Exactness},
+    schedule::{
+        campaign::{self, Options, Summary},
+        cost::CostModel,
+        local::{LocalProcesses, physical_cores},
+        preflight,
+        progress::{Progress, Style},
+        state::{Planned, RunState},
+        stop::StopRequest,
+    },
+};
+
+/// The exit code of what is not as it is recorded.
+pub const NOT_REPRODUCED: u8 = 4;
+/// A run that makes no progress for so long is killed.
+const HANG_TIMEOUT: Duration = Duration::from_secs(600);
+
+/// Computes those of `planned` that `results` does not hold.
+///
+/// Errors: whatever stands in the way of starting.
+pub fn compute(planned: &[Planned], results: &Path, jobs: Option<u16>, quiet: bool) -> anyhow::Result<Summary> {
+    let stop = StopRequest::on_signals().context("cannot listen for signals")?;
+    let states = preflight::prepare(planned, results, false)?;
+    let pairs = planned.iter().zip(&states);
+    let due: Vec<Planned> = pairs
+        .filter(|(_, state)| !matches!(state, RunState::Finished(_)))
+        // Who computes it, and where, is not what is compared; a record of it may be published.
+        .map(|(run, _)| Planned { stamp: run.stamp.without_origin(), ..run.clone() })
+        .collect();
+    let jobs = jobs.map_or_else(physical_cores, usize::from);
+    let options = Options { jobs, retries: 0, fail_fast: false, hang_timeout: HANG_TIMEOUT, verbose: false };
+    let costs = CostModel::default();
+    let seconds = due.iter().map(|run| costs.seconds(&run.spec)).sum();
+    let mut progress = Progress::new(Style::choose(quiet), false, due.len(), seconds);
+    let mut executor = LocalProcesses::new().context("cannot find this program's own file")?;
+    Ok(campaign::run(&due, results, options, &costs, &mut executor, &stop, &mut progress))
+}
+
+/// How equal to what `recorded` left this machine's numbers must be.
+pub fn exactness(recorded: &Stamp, now: &Stamp) -> Exactness {
+    let same = recorded.build.numeric_class() == now.build.numeric_class();
+    if same { Exactness::Bits } else { Exactness::FirstIteration }
+}

@@ -1,0 +1,97 @@
+//! `mcpo-run reproduce FILE`.
+
+use std::{
+    path::{Path, PathBuf},
+    process::ExitCode,
+};
+
+use anyhow::{Context, bail};
+
+use super::{
+    again::{NOT_REPRODUCED, compute, exactness},
+    print,
+    show::provenance,
+};
+use crate::{
+    plan::RunSpec,
+    record::{
+        Outcome, RunPaths,
+        compare::{self, Difference, Exactness, TOLERANCE},
+        rows,
+    },
+    schedule::{preflight, stop::INTERRUPTED},
+};
+
+/// Whose run.
+#[derive(Debug, clap::Args)]
+pub struct ReproduceArguments {
+    /// A run's folder, or any result file: *.parquet and *.safetensors are compared alone, the others with their folder
+    file: PathBuf,
+    /// Show failures alone
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+/// Runs the run again in a temporary folder, and compares.
+pub fn run(arguments: &ReproduceArguments) -> anyhow::Result<ExitCode> {
+    let path = &arguments.file;
+    let (stamp, manifest) = provenance(path)?;
+    if let Some(manifest) = &manifest
+        && manifest.outcome != Outcome::Finished
+    {
+        bail!("the run of {} did not finish: there is nothing to compare with", path.display());
+    }
+    let spec: RunSpec = serde_json::from_value(stamp.spec.clone())
+        .with_context(|| format!("{} was written by another version of this program", path.display()))?;
+    let results = tempfile::tempdir().context("cannot make a temporary folder")?;
+    let planned = preflight::plan(vec![spec], results.path())?;
+    let [run] = &planned[..] else { unreachable!("one specification is one run") };
+    let differences = run.differences(&stamp);
+    if !differences.is_empty() {
+        let file = run.spec.demonstration.as_deref().unwrap_or(Path::new("")).display();
+        bail!("{} cannot be reproduced: {} differs ({file})", path.display(), differences.join(", "));
+    }
+    let summary = compute(&planned, results.path(), None, arguments.quiet)?;
+    if summary.interrupted {
+        return Ok(ExitCode::from(INTERRUPTED));
+    }
+    let exactness = exactness(&stamp, &run.stamp);
+    let difference = match summary.failed.first() {
+        Some((_, error)) => Some(format!("failed: {error}")),
+        None => compared(path, &run.paths.complete, exactness)?.map(|difference| difference.to_string()),
+    };
+    let (id, code) = (&run.spec.id, if difference.is_some() { NOT_REPRODUCED } else { 0 });
+    let how = match exactness {
+        Exactness::Bits => "to the bit".to_owned(),
+        Exactness::FirstIteration => {
+            format!("within {TOLERANCE} in the first iteration, since it was computed on {}", stamp.build.cpu_class)
+        }
+    };
+    print(&match difference {
+        Some(difference) => format!("{id}: {difference}\n{id}: not reproduced, {how}\n"),
+        None => format!("{id}: reproduced, {how}\n"),
+    })?;
+    Ok(ExitCode::from(code))
+}
+
+/// The difference between `path`, a file or folder of a run, and its like in `computed`.
+fn compared(path: &Path, computed: &Path, exactness: Exactness) -> anyhow::Result<Option<Difference>> {
+    Ok(match path.extension().and_then(|extension| extension.to_str()) {
+        Some("parquet") => {
+            // The file may have been renamed, but its columns say which it is.
+            let table = if rows::read_progress(path).is_ok() { RunPaths::progress } else { RunPaths::evaluations };
+            compare::tables(path, &table(computed), exactness)?
+        }
+        Some("safetensors") if exactness == Exactness::FirstIteration => {
+            bail!("{} was computed in another numeric class, where no policy has the same numbers", path.display())
+        }
+        Some("safetensors") => {
+            let kept = RunPaths::kept_after(path).map(|env_steps| RunPaths::kept_policy(computed, env_steps));
+            compare::policies(path, &kept.unwrap_or_else(|| RunPaths::policy(computed)))?
+        }
+        _ => {
+            let folder = if path.is_dir() { path } else { path.parent().unwrap_or(Path::new(".")) };
+            compare::runs(folder, computed, exactness)?
+        }
+    })
+}

@@ -1,0 +1,167 @@
+//! `mcpo-run verify PATH --against DIR`.
+
+use std::{
+    collections::BTreeSet,
+    fs,
+    path::{Path, PathBuf},
+    process::ExitCode,
+};
+
+use anyhow::{Context, bail};
+
+use super::{
+    again::{NOT_REPRODUCED, compute, exactness},
+    print,
+    selected::Selected,
+    told,
+};
+use crate::{
+    record::{
+        Manifest, Outcome, RunPaths,
+        compare::{self, Exactness, TOLERANCE},
+    },
+    schedule::{state::Planned, stop::INTERRUPTED},
+};
+
+/// What to run, and what to compare it with.
+#[derive(Debug, clap::Args)]
+pub struct VerifyArguments {
+    /// A matrix file
+    path: PathBuf,
+    /// The folder that holds the recorded `runs/` of this experiment
+    #[arg(long, value_name = "DIR")]
+    against: PathBuf,
+    /// Keep to the runs that match, such as env=Hopper-v2,algorithm=mcpo
+    #[arg(long, value_name = "KEY=VALUE,...")]
+    only: Vec<String>,
+    /// Keep what is computed in this folder of results, and go on from what it holds [default: a temporary one]
+    #[arg(long, value_name = "DIR")]
+    results: Option<PathBuf>,
+    /// Runs at a time, one process each [default: the physical cores]
+    #[arg(long, short, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    jobs: Option<u16>,
+    /// Make DIR, which may not be there yet, the record: rows and manifests without hosts, command lines, logs or policies
+    #[arg(long)]
+    record: bool,
+    /// Show failures alone
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+/// Runs the matrix, and compares with the record, or makes it.
+pub fn run(arguments: &VerifyArguments) -> anyhow::Result<ExitCode> {
+    let against = &arguments.against;
+    if arguments.record && against.exists() {
+        bail!("{} is there already; remove it to record it anew", against.display());
+    }
+    if !arguments.record && !against.join("runs").is_dir() {
+        bail!("{} holds no recorded runs (there is no {}/runs)", against.display(), against.display());
+    }
+    let temporary = tempfile::tempdir().context("cannot make a temporary folder")?;
+    let results = arguments.results.clone().unwrap_or_else(|| temporary.path().to_owned());
+    let selected = Selected {
+        paths: vec![arguments.path.clone()],
+        set: Vec::new(),
+        axis: Vec::new(),
+        only: arguments.only.clone(),
+        results,
+    };
+    let specs = selected.load()?;
+    if specs.len() != 1 {
+        bail!("{} holds {} experiments; one can be compared with one record", arguments.path.display(), specs.len());
+    }
+    let planned = selected.planned(&specs)?;
+    if compute(&planned, &selected.results, arguments.jobs, arguments.quiet)?.interrupted {
+        return Ok(ExitCode::from(INTERRUPTED));
+    }
+    if arguments.record {
+        return record(&planned, against);
+    }
+    let mut lines = Vec::new();
+    let mut elsewhere = BTreeSet::new();
+    for run in &planned {
+        match difference(run, &against.join("runs").join(&run.spec.id), &mut elsewhere) {
+            Ok(None) => {}
+            Ok(Some(difference)) => lines.push(format!("{}: {difference}\n", run.spec.id)),
+            Err(error) => lines.push(format!("{}: {}\n", run.spec.id, told(&error))),
+        }
+    }
+    let differ = lines.len();
+    if arguments.only.is_empty() {
+        let known: BTreeSet<&str> = planned.iter().map(|run| run.spec.id.as_str()).collect();
+        let more = recorded_ids(&against.join("runs"), "")?;
+        lines.extend(
+            more.iter()
+                .filter(|id| !known.contains(id.as_str()))
+                .map(|id| format!("{id}: recorded, and no run of {}\n", arguments.path.display())),
+        );
+    }
+    let how = match elsewhere.first() {
+        None => "to the bit".to_owned(),
+        Some(class) => format!("within {TOLERANCE} in the first iteration, since the record was made on {class}"),
+    };
+    let name = &specs[0].name;
+    let all = planned.len();
+    lines.push(format!("{name}: {} of {all} runs are as recorded, {how}\n", all - differ));
+    print(&lines.concat())?;
+    Ok(if lines.len() == 1 { ExitCode::SUCCESS } else { ExitCode::from(NOT_REPRODUCED) })
+}
+
+/// In what `run` differs from what the folder `recorded` holds of it. Classes of machines other than this one are added to
+/// `elsewhere`.
+///
+/// Errors: a file of either is missing or damaged.
+fn difference(run: &Planned, recorded: &Path, elsewhere: &mut BTreeSet<String>) -> anyhow::Result<Option<String>> {
+    let Some(before) = Manifest::read(&RunPaths::manifest(recorded))? else {
+        return Ok(Some("nothing is recorded of it".to_owned()));
+    };
+    let keys = run.differences(&before.stamp);
+    if !keys.is_empty() {
+        return Ok(Some(format!("another run is recorded; it differs in {}", keys.join(", "))));
+    }
+    let now = run.paths.ended()?.context("it did not end")?;
+    match (&before.outcome, &now.outcome) {
+        (Outcome::Finished, Outcome::Finished) => {}
+        (_, Outcome::Failed { error, .. }) => return Ok(Some(format!("failed: {error}"))),
+        (before, now) => return Ok(Some(format!("recorded as {before:?}, now {now:?}"))),
+    }
+    let exactness = exactness(&before.stamp, &now.stamp);
+    if exactness == Exactness::FirstIteration {
+        let (class, libm, versions) = before.stamp.build.numeric_class();
+        elsewhere.insert(format!("{class}, libm {libm}, {versions}"));
+    }
+    Ok(compare::runs(recorded, &run.paths.complete, exactness)?.map(|difference| difference.to_string()))
+}
+
+/// The ids of the runs that are recorded in `folder`.
+fn recorded_ids(folder: &Path, prefix: &str) -> anyhow::Result<Vec<String>> {
+    let mut ids = Vec::new();
+    let entries = fs::read_dir(folder).with_context(|| format!("cannot read {}", folder.display()))?;
+    for entry in entries {
+        let entry = entry.with_context(|| format!("cannot read {}", folder.display()))?;
+        if entry.path().is_dir() {
+            let id = format!("{prefix}{}", entry.file_name().to_string_lossy());
+            let is_run = RunPaths::manifest(&entry.path()).exists();
+            ids.extend(if is_run { vec![id] } else { recorded_ids(&entry.path(), &format!("{id}/"))? });
+        }
+    }
+    ids.sort();
+    Ok(ids)
+}
+
+/// Makes `against` the record of `planned`, all of which must have finished.
+fn record(planned: &[Planned], against: &Path) -> anyhow::Result<ExitCode> {
+    for run in planned {
+        let manifest = run.paths.ended()?.filter(|manifest| manifest.outcome == Outcome::Finished);
+        let manifest = manifest.with_context(|| format!("{} did not finish; nothing is recorded", run.spec.id))?;
+        let folder = against.join("runs").join(&run.spec.id);
+        fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
+        for file in [RunPaths::progress, RunPaths::evaluations] {
+            let (from, to) = (file(&run.paths.complete), file(&folder));
+            fs::copy(&from, &to).with_context(|| format!("cannot copy {} to {}", from.display(), to.display()))?;
+        }
+        Manifest { attempts: Vec::new(), ..manifest }.write(&RunPaths::manifest(&folder))?;
+    }
+    print(&format!("{} runs recorded in {}\n", planned.len(), against.display()))?;
+    Ok(ExitCode::SUCCESS)
+}

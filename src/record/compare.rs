@@ -1,0 +1,242 @@
+//! Whether two recordings of one run hold the same numbers, and the first one that differs.
+//!
+//! Within one numeric class ([`Build::numeric_class`](super::Build::numeric_class)) that means the same bits of every row and
+//! of the policy, what a clock said apart. Between classes the last bits differ from the first step on, and the physics
+//! amplifies that: with products summed in another order, the rows of `experiments/ci.toml` deviate by up to 3 parts in 100
+//! in the first iteration and in every digit in the second. So there the first iteration and the evaluations before it are
+//! held to [`TOLERANCE`], words and counts exactly, and nothing after them is compared.
+
+use std::path::Path;
+
+use polars::prelude::{AnyValue, DataFrame, PolarsResult};
+
+use super::{Manifest, RecordError, RunPaths, policy, rows};
+
+/// How far a number of the first iteration may be from the recorded one in another numeric class, as a part of the larger
+/// one: twice what was seen between sums in vectors of 16 numbers and sums in order.
+pub const TOLERANCE: f64 = 0.05;
+/// What is nearer than this is equal in another numeric class: sums that cancel keep no relative precision.
+const NEGLIGIBLE: f64 = 1e-6;
+/// The endings of columns that a clock fills.
+const CLOCK: &str = "_seconds";
+
+/// How equal two recordings must be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Exactness {
+    /// The same bits throughout.
+    Bits,
+    /// The first iteration within [`TOLERANCE`].
+    FirstIteration,
+}
+
+/// The first difference between two recordings.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{place}, {column}: recorded {recorded}, now {computed}")]
+pub struct Difference {
+    /// Which row: `iteration 3`, `evaluation after 1024 steps, episode 0`; or `policy`.
+    pub place: String,
+    /// Which column.
+    pub column: String,
+    /// The recorded value.
+    pub recorded: String,
+    /// The value now.
+    pub computed: String,
+}
+
+/// The first difference between the finished run in the folder `recorded` and the same run in `computed`.
+///
+/// The policies are compared by their digests, so that a record may do without the file.
+///
+/// Errors: a file is missing or not what its name says.
+pub fn runs(recorded: &Path, computed: &Path, exactness: Exactness) -> Result<Option<Difference>, RecordError> {
+    for table in [RunPaths::progress, RunPaths::evaluations] {
+        let difference = tables(&table(recorded), &table(computed), exactness)?;
+        if difference.is_some() {
+            return Ok(difference);
+        }
+    }
+    if exactness == Exactness::FirstIteration {
+        return Ok(None);
+    }
+    Ok(differing("policy", "digest", digest(recorded)?, digest(computed)?))
+}
+
+/// The first difference between two tables of rows of one kind.
+///
+/// Errors: a file is missing or no table of results.
+pub fn tables(recorded: &Path, computed: &Path, exactness: Exactness) -> Result<Option<Difference>, RecordError> {
+    let (before, now) = (rows::read(recorded)?, rows::read(computed)?);
+    first_difference(&before, &now, exactness).map_err(|error| rows::malformed(recorded, error))
+}
+
+/// The difference between two policies.
+///
+/// Errors: a file is missing or no policy.
+pub fn policies(recorded: &Path, computed: &Path) -> Result<Option<Difference>, RecordError> {
+    Ok(differing("policy", "digest", Some(policy::digest(recorded)?), Some(policy::digest(computed)?)))
+}
+
+/// The digest of a run's policy: of the file where it is there, else the one in its manifest; `None` for a run without.
+fn digest(folder: &Path) -> Result<Option<String>, RecordError> {
+    let path = RunPaths::policy(folder);
+    if path.exists() {
+        return policy::digest(&path).map(Some);
+    }
+    Ok(Manifest::read(&RunPaths::manifest(folder))?.and_then(|manifest| manifest.policy))
+}
+
+fn differing(place: &str, column: &str, recorded: Option<String>, computed: Option<String>) -> Option<Difference> {
+    let shown = |value: Option<String>| value.unwrap_or_else(|| "none".to_owned());
+    (recorded != computed).then(|| Difference {
+        place: place.to_owned(),
+        column: column.to_owned(),
+        recorded: shown(recorded),
+        computed: shown(computed),
+    })
+}
+
+fn first_difference(before: &DataFrame, now: &DataFrame, exactness: Exactness) -> PolarsResult<Option<Difference>> {
+    let names =
+        |frame: &DataFrame| frame.get_column_names().iter().map(|name| name.as_str()).collect::<Vec<_>>().join(", ");
+    if names(before) != names(now) {
+        return Ok(differing("table", "its columns", Some(names(before)), Some(names(now))));
+    }
+    for row in 0..before.height().max(now.height()) {
+        let there = |frame: &DataFrame| row < frame.height();
+        let place = place(if there(before) { before } else { now }, row)?;
+        if exactness == Exactness::FirstIteration && !place.first {
+            continue;
+        }
+        if there(before) != there(now) {
+            let shown = |frame| Some(if there(frame) { "there" } else { "absent" }.to_owned());
+            return Ok(differing(&place.name, "the row", shown(before), shown(now)));
+        }
+        for (recorded, computed) in before.columns().iter().zip(now.columns()) {
+            let name = recorded.name().as_str();
+            let (recorded, computed) = (recorded.get(row)?, computed.get(row)?);
+            if !name.ends_with(CLOCK) && !equal(&recorded, &computed, exactness) {
+                return Ok(differing(&place.name, name, Some(shown(&recorded)), Some(shown(&computed))));
+            }
+        }
+    }
+    Ok(None)
+}
+
+/// A row's name, and whether it belongs to the first iteration or to what was before it.
+struct RowPlace {
+    name: String,
+    first: bool,
+}
+
+fn place(frame: &DataFrame, row: usize) -> PolarsResult<RowPlace> {
+    let number = |column: &str| Ok::<_, polars::prelude::PolarsError>(frame.column(column)?.get(row)?.extract::<u64>());
+    let shown = |number: Option<u64>| number.map_or_else(|| "?".to_owned(), |number| number.to_string());
+    if let Ok(iteration) = number("iteration") {
+        return Ok(RowPlace { name: format!("iteration {}", shown(iteration)), first: iteration == Some(1) });
+    }
+    let (env_steps, episode) = (number("env_steps")?, number("episode")?);
+    let name = format!("evaluation after {} steps, episode {}", shown(env_steps), shown(episode));
+    Ok(RowPlace { name, first: env_steps == Some(0) })
+}
+
+fn equal(recorded: &AnyValue<'_>, computed: &AnyValue<'_>, exactness: Exactness) -> bool {
+    match (recorded, computed, exactness) {
+        (AnyValue::Float64(a), AnyValue::Float64(b), Exactness::Bits) => a.to_bits() == b.to_bits(),
+        (AnyValue::Float64(a), AnyValue::Float64(b), Exactness::FirstIteration) => {
+            (a - b).abs() <= NEGLIGIBLE.max(TOLERANCE * a.abs().max(b.abs()))
+        }
+        _ => recorded == computed,
+    }
+}
+
+/// A cell with all its digits.
+fn shown(value: &AnyValue<'_>) -> String {
+    match value {
+        AnyValue::Float64(number) => format!("{number:?}"),
+        other => other.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+    use crate::{
+        record::rows::tests::{episode, iteration, keys, stamp},
+        train::{EvaluationEpisode, Iteration},
+    };
+
+    /// A finished run of these rows, with a policy of which the digest alone is kept.
+    fn recorded(iterations: &[Iteration], evaluations: &[EvaluationEpisode], policy: &str) -> tempfile::TempDir {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path();
+        rows::write_progress(&RunPaths::progress(path), &keys(None), &stamp(), iterations).expect("written");
+        rows::write_evaluations(&RunPaths::evaluations(path), &keys(None), &stamp(), evaluations).expect("written");
+        let manifest = Manifest { policy: Some(policy.to_owned()), ..Manifest::new(stamp()) };
+        manifest.write(&RunPaths::manifest(path)).expect("written");
+        folder
+    }
+
+    fn rows() -> (Vec<Iteration>, Vec<EvaluationEpisode>) {
+        let before = EvaluationEpisode { env_steps: 0, ..episode(0) };
+        ((1..=3).map(iteration).collect(), vec![before, episode(0), episode(1)])
+    }
+
+    /// The difference, in both ways of comparing, that `change` makes.
+    fn told(change: impl FnOnce(&mut Vec<Iteration>, &mut Vec<EvaluationEpisode>)) -> [Option<String>; 2] {
+        let (mut iterations, mut evaluations) = rows();
+        let whole = recorded(&iterations, &evaluations, "p");
+        change(&mut iterations, &mut evaluations);
+        let other = recorded(&iterations, &evaluations, "p");
+        [Exactness::Bits, Exactness::FirstIteration].map(|exactness| {
+            let difference = runs(whole.path(), other.path(), exactness).expect("readable");
+            difference.map(|difference| difference.to_string())
+        })
+    }
+
+    #[test]
+    fn one_bit_is_a_difference_that_is_named_and_another_class_forgives_it() {
+        let [bits, first] = told(|iterations, _| {
+            let kl = iterations[0].update.kl.as_mut().expect("there");
+            *kl = kl.next_up();
+        });
+        assert_eq!(bits.as_deref(), Some("iteration 1, kl: recorded 0.30000000000000004, now 0.3000000000000001"));
+        assert_eq!(first, None);
+        let [bits, first] = told(|_, evaluations| evaluations[2].length += 1);
+        assert_eq!(bits.as_deref(), Some("evaluation after 100 steps, episode 1, length: recorded 7, now 8"));
+        assert_eq!(first, None);
+    }
+
+    #[test]
+    fn another_class_forgives_neither_more_than_the_tolerance_nor_another_word() {
+        let [_, first] = told(|iterations, _| iterations[0].update.kl = Some(0.3 * (1.0 + 2.0 * TOLERANCE)));
+        assert!(first.is_some_and(|difference| difference.starts_with("iteration 1, kl")));
+        let [_, first] = told(|iterations, _| iterations[0].update.kl = Some(f64::NAN));
+        assert!(first.is_some_and(|difference| difference.contains("now NaN")));
+        let [_, first] = told(|iterations, _| iterations[0].update.case = None);
+        assert!(first.is_some_and(|difference| difference.starts_with("iteration 1, case: recorded \"active\"")));
+        let [_, first] = told(|_, evaluations| evaluations[0].dense_return = 1.0);
+        assert!(first.is_some_and(|difference| difference.starts_with("evaluation after 0 steps, episode 0, dense")));
+        let [_, first] = told(|iterations, _| iterations.clear());
+        assert_eq!(first.as_deref(), Some("iteration 1, the row: recorded there, now absent"));
+    }
+
+    #[test]
+    fn what_a_clock_said_does_not_count_and_every_row_does() {
+        assert_eq!(told(|iterations, _| iterations[1].update_seconds = 9.0), [None, None]);
+        let [bits, first] = told(|iterations, _| iterations.truncate(2));
+        assert_eq!(bits.as_deref(), Some("iteration 3, the row: recorded there, now absent"));
+        assert_eq!(first, None);
+    }
+
+    #[test]
+    fn another_policy_is_a_difference_and_a_missing_table_an_error() {
+        let (iterations, evaluations) = rows();
+        let [whole, other] = ["p", "q"].map(|policy| recorded(&iterations, &evaluations, policy));
+        let difference = runs(whole.path(), other.path(), Exactness::Bits).expect("readable").expect("another policy");
+        assert_eq!(difference.to_string(), "policy, digest: recorded p, now q");
+        fs::remove_file(RunPaths::progress(whole.path())).expect("it was there");
+        assert!(runs(whole.path(), other.path(), Exactness::Bits).is_err());
+    }
+}
