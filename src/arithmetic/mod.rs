@@ -6,8 +6,10 @@
 //! (The design has no such module: both `nn` and `demo` need these, and neither may use the other.)
 
 mod activation;
+mod dots;
 mod elementary;
 pub mod product;
 
 pub use activation::{tanh_biased, tanh_cotangent, tanh_tangent};
+pub use dots::product_of_columns;
 pub use elementary::{exp, tanh};
