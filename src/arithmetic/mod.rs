@@ -9,6 +9,7 @@ mod activation;
 mod dots;
 mod elementary;
 pub mod product;
+pub mod threads;
 
 pub use activation::{tanh_biased, tanh_cotangent, tanh_tangent};
 pub use dots::product_of_columns;

@@ -8,11 +8,11 @@
 use nalgebra::DMatrix;
 
 use super::{
-    Mlp, Pass,
+    Mlp,
     mlp::{add_gradient, add_to_columns},
-    pass::{Kept, Scratch, chunks, columns, columns_mut, first, grow, matrix, matrix_mut},
+    pass::{Kept, Pass, Scratch, columns, columns_mut, cut, first, grow, matrix, matrix_mut, sum_over_chunks},
 };
-use crate::arithmetic::{product::product, product_of_columns, tanh_cotangent, tanh_tangent};
+use crate::arithmetic::{product::product, product_of_columns, tanh_cotangent, tanh_tangent, threads};
 
 /// Samples whose sensitivities are computed together; few enough for the cache.
 const SENSITIVE: usize = 32;
@@ -35,14 +35,13 @@ impl Mlp {
         assert_eq!(weights.len(), pass.output_dim, "a weight for each output");
         self.transpose(pass);
         self.sense(pass);
-        result.fill(0.0);
-        let Pass { samples, activations, transposed, sensitivities, scratch, .. } = pass;
-        for chunk in chunks(*samples) {
+        let Pass { samples, activations, transposed, sensitivities, rooms, .. } = pass;
+        sum_over_chunks(*samples, rooms, result, |chunk, scratch, result| {
             let kept = Kept { widths: self.widths(), inputs: inputs.as_slice(), activations, chunk };
             self.move_outputs(&kept, transposed, x, scratch);
             through_sensitivities(&kept, sensitivities, weights, scratch);
 
-            let Scratch { hidden, output, output_weights } = &mut *scratch;
+            let Scratch { hidden, output, output_weights, .. } = scratch;
             let cotangent = first(output, weights.len(), kept.chunk.len());
             let layer = hidden.len();
             if let Some(last) = hidden.last_mut() {
@@ -52,14 +51,14 @@ impl Mlp {
                 tanh_cotangent(last, kept.flat_input(layer));
             }
             add_gradient(&kept, hidden, cotangent, output_weights, result);
-        }
+        });
     }
 
     /// Along `x`, the changes of each hidden layer's sums by that layer's own parameters, in the last one times tanh's slope,
     /// to `scratch.hidden`; and to `scratch.output` the outputs' by the output layer and the last hidden one.
     fn move_outputs(&self, kept: &Kept<'_>, transposed: &[Vec<f32>], x: &[f32], scratch: &mut Scratch) {
         let n = kept.chunk.len();
-        let Scratch { hidden, output, output_weights } = scratch;
+        let Scratch { hidden, output, output_weights, .. } = scratch;
         let last = hidden.len();
         for (layer, (weights, biases)) in self.layers_of(x).enumerate() {
             let (width, fan_in) = weights.shape();
@@ -91,30 +90,27 @@ impl Mlp {
         }
         pass.is_sensitive = true;
         let [_, hidden @ .., outputs] = self.widths() else { return };
-        let Some((last, lower)) = hidden.split_last() else { return };
-        let Pass { samples, activations, transposed, sensitivities, .. } = pass;
+        let Some((last, lower @ [_, ..])) = hidden.split_last() else { return };
+        let Pass { samples, activations, transposed, sensitivities, rooms, .. } = pass;
         sensitivities.resize_with(lower.len(), Vec::new);
         for (sensitivity, width) in sensitivities.iter_mut().zip(lower) {
             grow(sensitivity, width * outputs * *samples);
         }
-        let mut of_last = vec![0.0; last * outputs * SENSITIVE];
-        for start in (0..*samples).step_by(SENSITIVE) {
-            let range = start..(start + SENSITIVE).min(*samples);
-            let of_last = &mut of_last[..last * outputs * range.len()];
+        let layers = sensitivities.iter_mut().zip(lower.iter().map(|width| width * outputs));
+        threads::share(rooms, cut(layers, *samples, SENSITIVE), |room, (range, mut layers)| {
+            grow(&mut room.sensitivity, last * outputs * SENSITIVE);
+            let of_last = &mut room.sensitivity[..last * outputs * range.len()];
             for sample in of_last.chunks_exact_mut(last * outputs) {
                 sample.copy_from_slice(&transposed[lower.len() + 1]);
             }
             times_slopes(of_last, columns(&activations[lower.len()], *last, &range), *last, *outputs);
             for (layer, &width) in lower.iter().enumerate().rev() {
-                let (here, above) = sensitivities.split_at_mut(layer + 1);
-                let above =
-                    above.first().map_or(&*of_last, |above| columns(above, hidden[layer + 1] * outputs, &range));
-                let here = columns_mut(&mut here[layer], width * outputs, &range);
-                let weights = matrix(&transposed[layer + 1], width);
-                product(weights, matrix(above, hidden[layer + 1]), 0.0, matrix_mut(here, width));
-                times_slopes(here, columns(&activations[layer], width, &range), width, *outputs);
+                let (here, above) = layers.split_at_mut(layer + 1);
+                let above = matrix(above.first().map_or(&*of_last, |above| above), hidden[layer + 1]);
+                product(matrix(&transposed[layer + 1], width), above, 0.0, matrix_mut(here[layer], width));
+                times_slopes(here[layer], columns(&activations[layer], width, &range), width, *outputs);
             }
-        }
+        });
     }
 }
 

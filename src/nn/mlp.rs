@@ -1,14 +1,18 @@
 //! A multilayer perceptron with tanh hidden layers and a linear output, with parameters in one flat vector.
 
+use std::ops::Range;
+
 use nalgebra::{DMatrix, DMatrixView};
 use rand::RngExt as _;
 use serde::{Deserialize, Serialize};
 
-use super::pass::{CHUNK, Kept, Pass, Scratch, chunks, columns, columns_mut, first, matrix, matrix_mut};
+use super::pass::{
+    CHUNK, Kept, Pass, Scratch, chunks, columns, columns_mut, cut, first, matrix, matrix_mut, sum_over_chunks,
+};
 use crate::{
     arithmetic::{
         product::{product, product_nt, product_nt_and_sum},
-        product_of_columns, tanh_biased, tanh_cotangent, tanh_tangent,
+        product_of_columns, tanh_biased, tanh_cotangent, tanh_tangent, threads,
     },
     rng::Rng,
 };
@@ -80,26 +84,51 @@ impl Mlp {
     pub fn forward(&self, inputs: &DMatrix<f32>, pass: &mut Pass) {
         assert_eq!(inputs.nrows(), self.widths[0], "height of the network's inputs");
         pass.prepare(&self.widths, inputs.ncols());
-        let Pass { activations, transposed, .. } = pass;
+        let Pass { activations, transposed, rooms, .. } = pass;
         if let (Some((weights, _)), Some(transposed)) = (self.layers().last(), transposed.last_mut()) {
             weights.transpose_to(&mut matrix_mut(transposed, weights.ncols()));
         }
-        for chunk in chunks(inputs.ncols()) {
-            for (layer, (weights, biases)) in self.layers().enumerate() {
-                let (width, fan_in) = weights.shape();
-                let (below, here) = activations.split_at_mut(layer);
-                let is_output = here.len() == 1;
-                let input = columns(below.last().map_or(inputs.as_slice(), Vec::as_slice), fan_in, &chunk);
-                let output = columns_mut(&mut here[0], width, &chunk);
-                if is_output {
-                    let weights = matrix(&transposed[layer], fan_in);
-                    product_of_columns(weights, matrix(input, fan_in), 0.0, matrix_mut(output, width));
-                    add_to_columns(output, biases);
-                } else {
-                    product(weights, matrix(input, fan_in), 0.0, matrix_mut(output, width));
-                    tanh_biased(output, biases);
-                }
+        let output_weights = transposed.last().map_or(&[][..], Vec::as_slice);
+        let input_of = |chunk: &Range<usize>| columns(inputs.as_slice(), self.widths[0], chunk);
+        let layers = activations.iter_mut().zip(self.widths[1..].iter().copied());
+        if rooms.len() > 1 {
+            threads::share(rooms, cut(layers, inputs.ncols(), CHUNK), |_, (chunk, layers)| {
+                self.forward_chunk(input_of(&chunk), output_weights, layers.into_iter());
+            });
+        } else {
+            for chunk in chunks(inputs.ncols()) {
+                let layers = activations.iter_mut().zip(&self.widths[1..]);
+                let layers = layers.map(|(values, &width)| columns_mut(values, width, &chunk));
+                self.forward_chunk(input_of(&chunk), output_weights, layers);
             }
+        }
+    }
+
+    /// Runs the `inputs` of one chunk through the network to the activations of each of `layers`, from the input on.
+    /// `output_weights` are the output layer's, transposed.
+    fn forward_chunk<'a>(
+        &self,
+        inputs: &'a [f32],
+        output_weights: &[f32],
+        layers: impl Iterator<Item = &'a mut [f32]>,
+    ) {
+        let mut input = inputs;
+        let output_layer = self.widths.len() - 2;
+        for ((layer, (weights, biases)), output) in self.layers().enumerate().zip(layers) {
+            let (width, fan_in) = weights.shape();
+            if layer == output_layer {
+                product_of_columns(
+                    matrix(output_weights, fan_in),
+                    matrix(input, fan_in),
+                    0.0,
+                    matrix_mut(output, width),
+                );
+                add_to_columns(output, biases);
+            } else {
+                product(weights, matrix(input, fan_in), 0.0, matrix_mut(output, width));
+                tanh_biased(output, biases);
+            }
+            input = output;
         }
     }
 
@@ -110,11 +139,9 @@ impl Mlp {
         assert_eq!(cotangent.shape(), (pass.output_dim, pass.samples), "shape of the cotangent");
         assert_eq!(gradient.len(), self.parameters.len(), "length of the gradient");
         self.transpose(pass);
-        gradient.fill(0.0);
-        let Pass { samples, activations, transposed, scratch, .. } = pass;
-        for chunk in chunks(*samples) {
+        let Pass { samples, activations, transposed, rooms, .. } = pass;
+        sum_over_chunks(*samples, rooms, gradient, |chunk, Scratch { hidden, output_weights, .. }, gradient| {
             let kept = Kept { widths: &self.widths, inputs: inputs.as_slice(), activations, chunk };
-            let Scratch { hidden, output_weights, .. } = scratch;
             let cotangent = matrix(columns(cotangent.as_slice(), cotangent.nrows(), &kept.chunk), cotangent.nrows());
             for layer in (1..transposed.len()).rev() {
                 let (here, above) = hidden.split_at_mut(layer);
@@ -126,7 +153,7 @@ impl Mlp {
                 tanh_cotangent(here, kept.flat_input(layer));
             }
             add_gradient(&kept, hidden, cotangent, output_weights, gradient);
-        }
+        });
     }
 
     /// Makes all of [`Pass::transposed`].
@@ -145,13 +172,14 @@ impl Mlp {
         pass.check(&self.widths, inputs);
         assert_eq!(tangent.len(), self.parameters.len(), "length of the tangent");
         assert_eq!(output_tangent.shape(), (pass.output_dim, pass.samples), "shape of the output's tangent");
-        let Pass { samples, activations, scratch, .. } = pass;
+        let Pass { samples, activations, rooms, .. } = pass;
+        let hidden = &mut rooms[0].hidden;
         for chunk in chunks(*samples) {
             let kept = Kept { widths: &self.widths, inputs: inputs.as_slice(), activations, chunk };
             let layers = self.layers().zip(self.layers_of(tangent));
             for (layer, ((weights, _), (weights_tangent, biases_tangent))) in layers.enumerate() {
                 let (width, fan_in) = weights.shape();
-                let (below, here) = scratch.hidden.split_at_mut(layer);
+                let (below, here) = hidden.split_at_mut(layer);
                 let is_output = here.is_empty();
                 let here = match here.first_mut() {
                     None => columns_mut(output_tangent.as_mut_slice(), width, &kept.chunk),

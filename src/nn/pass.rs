@@ -1,11 +1,13 @@
 //! What a network keeps between its passes, and how a batch is cut.
 
-use std::ops::Range;
+use std::{mem, ops::Range};
 
 use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut};
 
-/// Samples that pass together. Sums over samples run chunk by chunk in this order, each from zero, so that threads could
-/// share the chunks and give the same bits. Large enough for the products' full rate, small enough for the cache.
+use crate::arithmetic::threads::{self, InOrder};
+
+/// Samples that pass together. Sums over samples run chunk by chunk in this order, each from zero, so that threads share
+/// the chunks and give the same bits. Large enough for the products' full rate, small enough for the cache.
 pub(super) const CHUNK: usize = 128;
 
 /// What a forward pass leaves for the derivatives: every layer's activations, and room to work in. Reused between passes,
@@ -28,8 +30,8 @@ pub struct Pass {
     pub(super) sensitivities: Vec<Vec<f32>>,
     /// Whether [`sensitivities`](Self::sensitivities) are those of the last forward pass.
     pub(super) is_sensitive: bool,
-    /// Room for one chunk.
-    pub(super) scratch: Scratch,
+    /// Room for one chunk, for each thread that shares them.
+    pub(super) rooms: Vec<Scratch>,
 }
 
 /// Room to work on one chunk.
@@ -41,6 +43,10 @@ pub(super) struct Scratch {
     pub(super) output: Vec<f32>,
     /// One of the output layer's weights, transposed `[in x out]`.
     pub(super) output_weights: Vec<f32>,
+    /// Derivatives of the outputs by the last hidden layer's sums, for a few samples.
+    pub(super) sensitivity: Vec<f32>,
+    /// A chunk's share of a sum over samples, where threads share it `[parameters]`.
+    share: Vec<f32>,
 }
 
 impl Pass {
@@ -64,13 +70,16 @@ impl Pass {
         for (transposed, shape) in self.transposed.iter_mut().zip(widths.windows(2)) {
             transposed.resize(shape[0] * shape[1], 0.0);
         }
-        let Scratch { hidden: rooms, output: room, output_weights } = &mut self.scratch;
-        rooms.resize_with(hidden.len(), Vec::new);
-        for (room, width) in rooms.iter_mut().zip(hidden) {
-            grow(room, width * samples.min(CHUNK));
+        let threads = threads::count().min(samples.div_ceil(CHUNK)).max(1);
+        self.rooms.resize_with(threads, Scratch::default);
+        for Scratch { hidden: rooms, output: room, output_weights, .. } in &mut self.rooms {
+            rooms.resize_with(hidden.len(), Vec::new);
+            for (room, width) in rooms.iter_mut().zip(hidden) {
+                grow(room, width * samples.min(CHUNK));
+            }
+            grow(room, output * samples.min(CHUNK));
+            output_weights.resize(output * widths[widths.len() - 2], 0.0);
         }
-        grow(room, output * samples.min(CHUNK));
-        output_weights.resize(output * widths[widths.len() - 2], 0.0);
     }
 
     /// Asserts that the last forward pass was on as many samples, through a network of as many layers.
@@ -103,6 +112,47 @@ impl<'a> Kept<'a> {
         let values = layer.checked_sub(1).map_or(self.inputs, |below| &self.activations[below]);
         columns(values, self.widths[layer], &self.chunk)
     }
+}
+
+/// Writes to `sum` what `add` adds for each chunk of `samples`, in their order, shared by as many threads as there are
+/// `rooms`. A thread's share starts from zero, as `add` itself must: then the bits are those of one thread.
+pub(super) fn sum_over_chunks(
+    samples: usize,
+    rooms: &mut [Scratch],
+    sum: &mut [f32],
+    add: impl Fn(Range<usize>, &mut Scratch, &mut [f32]) + Sync,
+) {
+    sum.fill(0.0);
+    if let [room] = rooms {
+        return chunks(samples).for_each(|chunk| add(chunk, room, sum));
+    }
+    let len = sum.len();
+    let sum = InOrder::new(sum);
+    threads::share(rooms, chunks(samples).enumerate(), |room, (number, chunk)| {
+        let mut share = mem::take(&mut room.share);
+        let make = || {
+            share.clear();
+            share.resize(len, 0.0);
+            add(chunk, room, &mut share);
+            share
+        };
+        room.share = sum.in_turn(number, make, |sum, share| {
+            sum.iter_mut().zip(&share).for_each(|(sum, x)| *sum += x);
+            share
+        });
+    });
+}
+
+/// Cuts matrices of `heights`, one column a sample, at the chunks of `size` samples: what each chunk has of each.
+pub(super) fn cut<'a>(
+    matrices: impl Iterator<Item = (&'a mut Vec<f32>, usize)>,
+    samples: usize,
+    size: usize,
+) -> impl Iterator<Item = (Range<usize>, Vec<&'a mut [f32]>)> {
+    let mut pieces: Vec<_> =
+        matrices.map(|(values, height)| values[..height * samples].chunks_mut(height * size)).collect();
+    let ranges = (0..samples).step_by(size).map(move |start| start..samples.min(start + size));
+    ranges.map(move |range| (range, pieces.iter_mut().filter_map(Iterator::next).collect()))
 }
 
 /// Where `samples` are cut.
