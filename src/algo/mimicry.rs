@@ -190,7 +190,6 @@ impl Mimicry {
         let target = self.target(&states);
         let mut optimizer = Adam::new(policy.dim());
         let mut gradient = vec![0.0; policy.dim()];
-        let mut parameters = policy.parameters();
         let mut before = None;
         for step in 0.. {
             let mmd = demo_states(policy, &states, &target, &mut self.pass, Some(&mut gradient));
@@ -198,8 +197,7 @@ impl Mimicry {
             if mmd <= enough || step == steps {
                 return Ok(Descent { before, after: finite("D", mmd)?, steps: step });
             }
-            optimizer.step(&mut parameters, &gradient, learning_rate);
-            policy.set_parameters(&parameters);
+            optimizer.step_parts(policy.parts_mut(), &gradient, learning_rate);
         }
         unreachable!("the loop ends at its last step")
     }
