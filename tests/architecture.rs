@@ -3,7 +3,8 @@
 //! The table is the design's, with these deviations. `arithmetic`, the products and elementary functions at the machine's
 //! rate, is a bottom module of its own. `plan` uses `env`, since a run holds its environment and its reward. `record` and
 //! `schedule` use what rows and policies are made of, since they are `train`'s sink, and `schedule` reads demonstrations
-//! before anything starts. `report` uses `plan` and `env`, since selections and recorded runs are theirs.
+//! before anything starts. `bench`, which measures training, stands beside `schedule`. `report` uses `plan` and `env`, since
+//! selections and recorded runs are theirs.
 
 use std::{
     collections::BTreeSet,
@@ -27,12 +28,14 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("train", &["algo", "arithmetic", "demo", "env", "nn", "plan", "quantity", "rng", "solver", "spec", "stats"]),
     ("record", &["algo", "env", "nn", "plan", "quantity", "rng", "train"]),
     ("schedule", &["algo", "arithmetic", "demo", "env", "plan", "record", "train"]),
+    ("bench", &["algo", "arithmetic", "demo", "env", "plan", "quantity", "record", "rng", "spec", "train"]),
     ("report", &["env", "plan", "record", "spec", "stats"]),
     (
         "cli",
         &[
             "algo",
             "arithmetic",
+            "bench",
             "demo",
             "env",
             "nn",

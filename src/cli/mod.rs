@@ -6,6 +6,7 @@
 //! Exit codes: 0 all good; 1 some runs failed; 2 usage or configuration; 3 a reference verdict failed; 4 not reproduced;
 //! 130 interrupted, and resumable.
 
+mod bench;
 mod completions;
 mod demo;
 mod eval;
@@ -54,6 +55,8 @@ enum Command {
     Report(Selected),
     /// Play episodes with a saved policy
     Eval(eval::EvalArguments),
+    /// Measure how fast training is, where its time goes, and how near it comes to what this core can do
+    Bench(bench::BenchArguments),
     /// Collect, import, verify or show demonstrations
     #[command(subcommand)]
     Demo(demo::DemoCommand),
@@ -92,6 +95,7 @@ fn dispatch(arguments: Arguments) -> anyhow::Result<ExitCode> {
         Command::Status(selected) => status::run(&selected),
         Command::Report(selected) => report::run(&selected.load()?, &selected.results),
         Command::Eval(arguments) => eval::run(&arguments),
+        Command::Bench(arguments) => bench::run(&arguments),
         Command::Demo(command) => demo::run(command),
         Command::Show(arguments) => show::run(&arguments),
         Command::Completions(arguments) => completions::run(&arguments),

@@ -36,7 +36,7 @@ pub struct Selected {
 
 /// Everything that is wrong in the files.
 #[derive(Debug)]
-pub struct InvalidFiles(Vec<SpecErrors>);
+pub struct InvalidFiles(pub(super) Vec<SpecErrors>);
 
 impl InvalidFiles {
     /// All of it, with lines and carets.

@@ -134,6 +134,12 @@ pub trait Environment: Send {
     /// Errors: the action has a wrong length or is not finite, or the physics diverged; then start another episode.
     fn step(&mut self, action: &[f64], observation: &mut [f64]) -> Result<Outcome, EnvError>;
 
+    /// The physics of a step under `action` (`[action_dim]`, unclamped) alone, for `mcpo-run bench`: nothing is observed or
+    /// paid, and what depends on either is stale until the next episode.
+    ///
+    /// Errors: as for [`step`](Environment::step).
+    fn advance(&mut self, action: &[f64]) -> Result<(), EnvError>;
+
     /// The number that the sparse reward watches: distance travelled since the episode's start, height of the last
     /// pole, or 1 at the goal and 0 elsewhere.
     fn landmark(&self) -> f64;

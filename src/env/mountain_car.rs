@@ -43,6 +43,13 @@ impl Environment for MountainCar {
     }
 
     fn step(&mut self, action: &[f64], observation: &mut [f64]) -> Result<Outcome, EnvError> {
+        self.advance(action)?;
+        self.observe(observation);
+        let goal = if self.at_goal() { 100.0 } else { 0.0 };
+        Ok(Outcome { reward: goal - 0.1 * action[0].powi(2), terminated: self.at_goal() })
+    }
+
+    fn advance(&mut self, action: &[f64]) -> Result<(), EnvError> {
         check_length(ENV, "the action", action.len(), 1)?;
         check_finite(ENV, "the action", action)?;
         let force = action[0].clamp(-MAX_FORCE, MAX_FORCE);
@@ -53,9 +60,7 @@ impl Environment for MountainCar {
         if self.position == left {
             self.velocity = self.velocity.max(0.0);
         }
-        self.observe(observation);
-        let goal = if self.at_goal() { 100.0 } else { 0.0 };
-        Ok(Outcome { reward: goal - 0.1 * action[0].powi(2), terminated: self.at_goal() })
+        Ok(())
     }
 
     fn landmark(&self) -> f64 {

@@ -63,6 +63,13 @@ impl Task {
         Ok(Transition { reward: self.trained_reward(outcome.reward), dense_reward: outcome.reward, end })
     }
 
+    /// The physics of a step alone: see [`Environment::advance`].
+    ///
+    /// Errors: as for [`step`](Task::step).
+    pub fn advance(&mut self, action: &[f64]) -> Result<(), EnvError> {
+        self.environment.advance(action)
+    }
+
     fn trained_reward(&mut self, dense: f64) -> f64 {
         let landmark = self.environment.landmark();
         let one_if = |paid: bool| f64::from(u8::from(paid));
@@ -133,8 +140,13 @@ mod tests {
         }
 
         fn step(&mut self, _: &[f64], _: &mut [f64]) -> Result<Outcome, EnvError> {
-            self.step += 1;
+            self.advance(&[])?;
             Ok(Outcome { reward: -1.0, terminated: self.step == self.landmarks.len() })
+        }
+
+        fn advance(&mut self, _: &[f64]) -> Result<(), EnvError> {
+            self.step += 1;
+            Ok(())
         }
 
         fn landmark(&self) -> f64 {

@@ -24,7 +24,7 @@ pub use claim::Claim;
 pub use heartbeat::Heartbeat;
 pub use manifest::{Attempt, Manifest, Outcome};
 pub use paths::{RunPaths, check_writable, experiment_folder};
-pub use provenance::{Build, Origin, Stamp, now};
+pub use provenance::{Build, Origin, Stamp, cpu_class, now};
 
 /// What can go wrong when results are written or read; the message names the file.
 #[derive(Debug, thiserror::Error)]

@@ -38,7 +38,7 @@ pub struct Build {
     pub executable: String,
     /// The versions that matter for numbers, as they entered the fingerprint.
     pub versions: Value,
-    /// Architecture and the instructions that change last bits, such as `x86_64 fma avx2`.
+    /// The processor's [`cpu_class`].
     pub cpu_class: String,
 }
 
@@ -108,8 +108,9 @@ fn cpu_model() -> Option<String> {
     Some(line.split_once(':')?.1.trim().to_owned())
 }
 
+/// Architecture and the instructions that change last bits, such as `x86_64 fma avx2`.
 #[cfg(target_arch = "x86_64")]
-fn cpu_class() -> String {
+pub fn cpu_class() -> String {
     let mut class = "x86_64".to_owned();
     let has = [
         ("fma", std::arch::is_x86_feature_detected!("fma")),
@@ -123,8 +124,9 @@ fn cpu_class() -> String {
     class
 }
 
+/// The architecture.
 #[cfg(not(target_arch = "x86_64"))]
-fn cpu_class() -> String {
+pub fn cpu_class() -> String {
     env::consts::ARCH.to_owned()
 }
 

@@ -142,6 +142,28 @@ impl Rollout {
         })
     }
 
+    /// Takes the steps of `batch` again, from the state in which its rollout began, with the physics alone: what
+    /// `mcpo-run bench` holds a rollout against. Episodes begin as they did.
+    ///
+    /// Errors: the physics failed.
+    pub fn replay(&mut self, batch: &Batch) -> Result<(), EnvError> {
+        let mut lanes: Vec<&mut Lane> = self.groups.iter_mut().flatten().collect();
+        let steps = batch.len() / lanes.len();
+        let mut action = vec![0.0; batch.actions.nrows()];
+        for Segment { range, .. } in &batch.segments {
+            let index = range.start / steps;
+            let Lane { task, own, .. } = &mut *lanes[index];
+            for column in batch.actions.columns_range(range.clone()).column_iter() {
+                action.iter_mut().zip(column.iter()).for_each(|(a, &sampled)| *a = f64::from(sampled));
+                task.advance(&action)?;
+            }
+            if range.end < (index + 1) * steps {
+                task.reset(&mut own.resets, &mut own.observation);
+            }
+        }
+        Ok(())
+    }
+
     /// Everything the next rollout depends on, the agent apart.
     pub fn save(&self) -> RolloutState {
         let lanes = || self.groups.iter().flatten();
@@ -250,4 +272,43 @@ fn bootstrapped(agent: &Agent, observation: &[f64]) -> SegmentEnd {
     let mut last_observation = vec![0.0; observation.len()];
     agent.normalizer.normalize(observation, &mut last_observation);
     SegmentEnd::Bootstrapped { last_observation }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        env::{EnvId, Reward},
+        nn::{GaussianPolicy, Mlp, Normalizer},
+    };
+
+    fn agent() -> Agent {
+        let mut rng = Seed(0).stream(Stream::Network, 0);
+        Agent {
+            policy: GaussianPolicy::new(11, &[8], 3, 0.5, &mut rng),
+            value: Mlp::new(&[11, 8, 1], 0.0, &mut rng),
+            normalizer: Normalizer::new(11, 10.0),
+        }
+    }
+
+    fn rollout(lanes: usize) -> Rollout {
+        let task = || Task::new(EnvId::Hopper, Reward::Dense, 1000).expect("a task");
+        Rollout::new((0..lanes).map(|_| task()).collect(), Seed(0))
+    }
+
+    #[test]
+    fn a_replay_ends_where_the_rollout_did() {
+        let (mut first, mut second) = (rollout(3), rollout(3));
+        let mut agent = agent();
+        first.collect(&mut agent, 37).expect("physics"); // so that episodes are under way
+        second.restore(first.save()).expect("the same environments");
+        let collected = first.collect(&mut agent, 100).expect("physics");
+        assert!(collected.episodes.len() >= 3, "an untrained hopper falls soon");
+        second.replay(&collected.batch).expect("physics");
+        let lanes = first.groups.iter().flatten().zip(second.groups.iter().flatten());
+        for (index, (one, other)) in lanes.enumerate() {
+            assert!(one.own.episode.length > 0, "this seed's rollout ends within all three episodes");
+            assert_eq!(one.task.pose(), other.task.pose(), "environment {index}");
+        }
+    }
 }

@@ -115,13 +115,18 @@ impl Environment for MujocoEnvironment {
     }
 
     fn step(&mut self, action: &[f64], observation: &mut [f64]) -> Result<Outcome, EnvError> {
-        let Definition { frame_skip, complete, observe, position, reward, terminated, .. } = self.definition;
-        self.simulation.advance(action, *frame_skip)?;
-        complete(&mut self.simulation);
+        self.advance(action)?;
+        let Definition { frame_skip, observe, position, reward, terminated, .. } = self.definition;
         let before = std::mem::replace(&mut self.position, position(&self.simulation));
         let velocity = (self.position - before) / (self.simulation.time_step() * *frame_skip as f64);
         observe(&self.simulation, observation);
         Ok(Outcome { reward: reward(&self.simulation, velocity, action), terminated: terminated(&self.simulation) })
+    }
+
+    fn advance(&mut self, action: &[f64]) -> Result<(), EnvError> {
+        self.simulation.advance(action, self.definition.frame_skip)?;
+        (self.definition.complete)(&mut self.simulation);
+        Ok(())
     }
 
     fn landmark(&self) -> f64 {

@@ -1,0 +1,339 @@
+//! How many floating-point operations an iteration needs at least.
+//!
+//! Owns the counts, algorithm by algorithm. They are those of matrix products, 2 for each multiplication with its addition;
+//! tanh, exp, densities, Adam, shuffles and copies count as nothing, and so does what a run takes for its record alone
+//! (the KL after an update, the discriminator's loss). Knows nothing of how long an operation takes. Start at
+//! [`of_iteration`].
+//!
+//! A network of weights P, of which P_1 are the first layer's, takes for each sample
+//!
+//! | | operations | since |
+//! |---|---|---|
+//! | forward pass | 2 P | |
+//! | VJP | 4 P - 2 P_1 | weights' gradient, and the way back but for the last step |
+//! | JVP | 4 P - 2 P_1 | both factors of each product have a derivative, but the input has none |
+//! | Fisher product | 8 P - 4 P_1 | a JVP and a VJP, on activations that are there |
+//!
+//! and n points of d numbers against m others take 2 d n m for their kernel values, and as much again, twice among
+//! themselves, for the gradient. The activations of the rollout's pass are taken to be kept: the gradient of the surrogate and
+//! the old densities need no pass of their own. How often conjugate gradient, the line search and the recovery
+//! went round is read from the [`Update`]; conjugate gradient of a recovery from a rollout is not recorded there and counts
+//! as nothing. So work that an update leaves out lowers the floor with it, and work done twice does not raise it.
+
+use serde::Serialize;
+
+use crate::{
+    algo::{Update, mcpo, mimicry::Samples, mmd_il, pofd::PolicyUpdate, ppo, trpo},
+    quantity::Count,
+    spec::Algorithm,
+};
+
+/// What decides how much an iteration's passes cost.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Shapes {
+    /// Numbers in an observation.
+    pub observation: usize,
+    /// Numbers in an action.
+    pub action: usize,
+    /// Widths of the hidden layers.
+    pub hidden: Vec<usize>,
+    /// Environments stepped together.
+    pub environments: usize,
+    /// Samples of one iteration.
+    pub rollout: usize,
+    /// Points of the demonstration; 0 for algorithms that use none.
+    pub demonstration: usize,
+}
+
+/// Operations of one part of an iteration.
+pub type Part = (&'static str, f64);
+
+/// The operations of an iteration of `algorithm` that did `update`, part by part. `cuts` is how many of the batch's segments
+/// end with a value to be looked up.
+pub fn of_iteration(algorithm: &Algorithm, shapes: &Shapes, cuts: usize, update: &Update) -> Vec<Part> {
+    let counter = Counter::new(shapes, cuts, update);
+    let mut parts = vec![("policy inference", counter.n * counter.policy.forward())];
+    parts.extend(match algorithm {
+        Algorithm::Mcpo(h) => counter.mcpo(h),
+        Algorithm::Ppo(h) | Algorithm::Expert(h) => counter.ppo(h),
+        Algorithm::Pretraining(h) => counter.ppo(&h.ppo),
+        Algorithm::Trpo(h) => counter.trpo(h),
+        Algorithm::Pofd(h) => counter.adversarial(h.discriminator.updates, h.policy_update, &h.ppo, &h.trpo),
+        Algorithm::Gail(h) => counter.adversarial(h.discriminator.updates, h.policy_update, &h.ppo, &h.trpo),
+        Algorithm::MmdIl(h) => counter.mmd_il(h),
+        Algorithm::Penalty(h) => {
+            let fit = h.trpo.value_epochs;
+            [counter.trpo(&h.trpo), counter.mimicry(h.mmd.samples, fit, counter.trials(h.trpo.line_search_steps))]
+                .concat()
+        }
+        Algorithm::Bc(_) | Algorithm::Random(_) => Vec::new(),
+    });
+    parts
+}
+
+/// What a network's pass costs a sample.
+#[derive(Debug, Clone, Copy)]
+struct Network {
+    /// P.
+    weights: f64,
+    /// P_1.
+    first: f64,
+}
+
+impl Network {
+    fn new(input: usize, hidden: &[usize], output: usize) -> Self {
+        let widths = [&[input], hidden, &[output]].concat();
+        let weights = |layer: &[usize]| (layer[0] * layer[1]) as f64;
+        Self { weights: widths.windows(2).map(weights).sum(), first: weights(&widths[..2]) }
+    }
+
+    fn forward(self) -> f64 {
+        2.0 * self.weights
+    }
+
+    /// The same for a JVP.
+    fn vjp(self) -> f64 {
+        4.0 * self.weights - 2.0 * self.first
+    }
+
+    fn forward_and_vjp(self) -> f64 {
+        self.forward() + self.vjp()
+    }
+
+    fn fisher_product(self) -> f64 {
+        2.0 * self.vjp()
+    }
+}
+
+/// Counts the parts of one iteration.
+struct Counter<'a> {
+    policy: Network,
+    value: Network,
+    discriminator: Network,
+    /// Samples.
+    n: f64,
+    /// Points of the demonstration.
+    m: f64,
+    /// Numbers of a point: observation and action.
+    point: f64,
+    cuts: f64,
+    update: &'a Update,
+}
+
+impl<'a> Counter<'a> {
+    fn new(shapes: &Shapes, cuts: usize, update: &'a Update) -> Self {
+        let Shapes { observation, action, hidden, rollout, demonstration, .. } = shapes;
+        Self {
+            policy: Network::new(*observation, hidden, *action),
+            value: Network::new(*observation, hidden, 1),
+            discriminator: Network::new(observation + action, hidden, 1),
+            n: *rollout as f64,
+            m: *demonstration as f64,
+            point: (observation + action) as f64,
+            cuts: cuts as f64,
+            update,
+        }
+    }
+
+    fn ppo(&self, h: &ppo::Hyperparameters) -> Vec<Part> {
+        let epochs = self.n * h.epochs.get() as f64;
+        vec![
+            self.values(),
+            ("policy epochs", epochs * self.policy.forward_and_vjp()),
+            ("value epochs", epochs * self.value.forward_and_vjp()),
+        ]
+    }
+
+    fn trpo(&self, h: &trpo::Hyperparameters) -> Vec<Part> {
+        let mut parts = vec![self.values(), ("surrogate gradient", self.n * self.policy.vjp())];
+        parts.extend(self.trust_region(self.trials(h.line_search_steps)));
+        parts.push(("value epochs", self.fit(h.value_epochs)));
+        parts
+    }
+
+    fn mcpo(&self, h: &mcpo::Hyperparameters) -> Vec<Part> {
+        let recovers = self.update.case.as_deref() == Some("infeasible") && h.mmd.samples == Samples::DemoStates;
+        let stays = self.update.case.as_deref() == Some("degenerate_g") && self.update.mmd <= self.update.d;
+        let trials = if recovers || stays { 0.0 } else { self.trials(h.line_search_steps) };
+        let mut parts = vec![self.values(), ("surrogate gradient", self.n * self.policy.vjp())];
+        parts.extend(self.mimicry(h.mmd.samples, h.value_epochs, trials));
+        parts.extend(self.trust_region(trials));
+        if recovers {
+            parts.push(("recovery", self.descent()));
+        }
+        parts.push(("value epochs", self.fit(h.value_epochs)));
+        parts
+    }
+
+    fn mmd_il(&self, h: &mmd_il::Hyperparameters) -> Vec<Part> {
+        match h.mmd.samples {
+            Samples::DemoStates => vec![("descent", self.descent())],
+            Samples::Rollout => {
+                let trials = self.trials(h.trpo.line_search_steps);
+                let mut parts = self.mimicry(h.mmd.samples, h.trpo.value_epochs, trials);
+                parts.extend(self.trust_region(trials));
+                parts
+            }
+        }
+    }
+
+    fn adversarial(
+        &self,
+        updates: Count,
+        policy_update: PolicyUpdate,
+        ppo: &ppo::Hyperparameters,
+        trpo: &trpo::Hyperparameters,
+    ) -> Vec<Part> {
+        let updates = updates.get() as f64 * (self.n + self.m) * self.discriminator.forward_and_vjp();
+        let mut parts = vec![("discriminator", updates + self.n * self.discriminator.forward())];
+        parts.extend(match policy_update {
+            PolicyUpdate::Ppo => self.ppo(ppo),
+            PolicyUpdate::Trpo => self.trpo(trpo),
+        });
+        parts
+    }
+
+    /// The baseline of the advantages.
+    fn values(&self) -> Part {
+        ("values", (self.n + self.cuts) * self.value.forward())
+    }
+
+    fn fit(&self, epochs: Count) -> f64 {
+        epochs.get() as f64 * self.n * self.value.forward_and_vjp()
+    }
+
+    /// Conjugate gradient, and the policy's passes of the line search.
+    fn trust_region(&self, trials: f64) -> Vec<Part> {
+        let products = self.update.cg_iterations.unwrap_or(0) as f64;
+        vec![
+            ("Fisher products", products * self.n * self.policy.fisher_product()),
+            ("line search", trials * self.n * self.policy.forward()),
+        ]
+    }
+
+    /// Trials of a line search that takes at most `limit`: it halves the step from 1 on, and 0 says that all were rejected.
+    fn trials(&self, limit: Count) -> f64 {
+        match self.update.step_fraction {
+            Some(fraction) if fraction > 0.0 => 1.0 - fraction.log2(),
+            Some(_) => limit.get() as f64,
+            None => 0.0,
+        }
+    }
+
+    /// D and b, and D at each trial of the line search.
+    fn mimicry(&self, samples: Samples, value_epochs: Count, trials: f64) -> Vec<Part> {
+        let mut operations = self.target();
+        match samples {
+            Samples::DemoStates => {
+                operations += self.descent_step();
+                operations += trials * (self.m * self.policy.forward() + self.kernel(self.m));
+            }
+            Samples::Rollout => {
+                operations += self.kernel(self.n) + self.n * self.policy.vjp();
+                operations += self.values().1 + self.fit(value_epochs);
+            }
+        }
+        vec![("mimicry", operations)]
+    }
+
+    /// A descent on D at the demonstration's states: D and its gradient before each step and after the last.
+    fn descent(&self) -> f64 {
+        self.target() + (self.update.recovery_steps.unwrap_or(0) + 1) as f64 * self.descent_step()
+    }
+
+    fn descent_step(&self) -> f64 {
+        let kernel_gradient = 2.0 * self.point * (self.m * self.m + self.m * self.m);
+        self.m * self.policy.forward_and_vjp() + self.kernel(self.m) + kernel_gradient
+    }
+
+    /// Kernel values among `n` points, and between them and the demonstration's.
+    fn kernel(&self, n: f64) -> f64 {
+        2.0 * self.point * (n * n / 2.0 + n * self.m)
+    }
+
+    /// Kernel values among the demonstration's points.
+    fn target(&self) -> f64 {
+        self.point * self.m * self.m
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{env::EnvId, quantity::constant};
+
+    /// A policy of 3 x 5 x 4 x 2: P = 15 + 20 + 8 = 43, P_1 = 15. A value network of 3 x 5 x 4 x 1: P = 39. Forward passes
+    /// of 86 and 78 operations, VJPs of 142 and 126, Fisher products of 284.
+    fn shapes() -> Shapes {
+        Shapes { observation: 3, action: 2, hidden: vec![5, 4], environments: 2, rollout: 10, demonstration: 6 }
+    }
+
+    fn counted(algorithm: &Algorithm, update: &Update) -> Vec<Part> {
+        of_iteration(algorithm, &shapes(), 3, update)
+    }
+
+    #[test]
+    fn ppo_is_two_networks_epochs() {
+        let hyperparameters = ppo::Hyperparameters { epochs: constant(7), ..ppo::Hyperparameters::for_env(EnvId::Ant) };
+        let parts = counted(&Algorithm::Ppo(hyperparameters), &Update::default());
+        let expected = [
+            ("policy inference", 860.0),
+            ("values", 13.0 * 78.0),
+            ("policy epochs", 70.0 * (86.0 + 142.0)),
+            ("value epochs", 70.0 * (78.0 + 126.0)),
+        ];
+        assert_eq!(parts, expected);
+    }
+
+    #[test]
+    fn trust_regions_are_what_the_update_did() {
+        let trpo = trpo::Hyperparameters { value_epochs: constant(2), ..trpo::Hyperparameters::for_env(EnvId::Ant) };
+        let update = Update { cg_iterations: Some(9), step_fraction: Some(0.25), ..Update::default() };
+        let parts = counted(&Algorithm::Trpo(trpo.clone()), &update);
+        let expected = [
+            ("policy inference", 860.0),
+            ("values", 13.0 * 78.0),
+            ("surrogate gradient", 1420.0),
+            ("Fisher products", 9.0 * 2840.0),
+            ("line search", 3.0 * 860.0),
+            ("value epochs", 20.0 * 204.0),
+        ];
+        assert_eq!(parts, expected);
+        let rejected = Update { step_fraction: Some(0.0), ..update };
+        assert_eq!(counted(&Algorithm::Trpo(trpo), &rejected)[4], ("line search", 10.0 * 860.0));
+    }
+
+    /// Points of 5 numbers, 6 of each side: 36 pairs with the demonstration and half as many on either side; kernel values
+    /// of 10 operations a pair, and two sides' gradients of 10 a pair.
+    #[test]
+    fn mimicry_is_measured_once_and_at_each_trial_or_descended() {
+        let h = mcpo::Hyperparameters { value_epochs: constant(2), ..mcpo::Hyperparameters::for_env(EnvId::Ant) };
+        let of = |update: Update, part: &str| {
+            let parts = counted(&Algorithm::Mcpo(h.clone()), &update);
+            parts.iter().find(|(name, _)| *name == part).map(|(_, operations)| *operations)
+        };
+        let step = 6.0 * (86.0 + 142.0) + 540.0 + 720.0;
+        let case = |case: &str| Update { case: Some(case.to_owned()), step_fraction: Some(0.0), ..Update::default() };
+        let active = Update { step_fraction: Some(0.5), cg_iterations: Some(20), ..case("active") };
+        assert_eq!(of(active.clone(), "mimicry"), Some(180.0 + step + 2.0 * (6.0 * 86.0 + 540.0)));
+        assert_eq!(of(active.clone(), "Fisher products"), Some(20.0 * 2840.0));
+        assert_eq!(of(active, "recovery"), None);
+        let infeasible = Update { recovery_steps: Some(4), ..case("infeasible") };
+        assert_eq!(of(infeasible.clone(), "mimicry"), Some(180.0 + step));
+        assert_eq!(of(infeasible.clone(), "line search"), Some(0.0));
+        assert_eq!(of(infeasible, "recovery"), Some(180.0 + 5.0 * step));
+        let stays = Update { mmd: Some(1.0), d: Some(2.0), ..case("degenerate_g") };
+        assert_eq!(of(stays.clone(), "line search"), Some(0.0));
+        assert_eq!(of(Update { mmd: Some(3.0), ..stays }, "line search"), Some(10.0 * 860.0));
+    }
+
+    #[test]
+    fn every_algorithm_with_rollouts_is_counted() {
+        let update = Update { step_fraction: Some(1.0), cg_iterations: Some(1), ..Update::default() };
+        for name in Algorithm::names().filter(|name| !["bc", "random"].contains(name)) {
+            let algorithm = Algorithm::defaults(name, EnvId::Hopper).expect("a known name");
+            let parts = counted(&algorithm, &update);
+            assert!(parts.len() > 1 && parts.iter().all(|(_, operations)| *operations > 0.0), "{name}: {parts:?}");
+        }
+    }
+}

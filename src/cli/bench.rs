@@ -1,0 +1,109 @@
+//! `mcpo-run bench`.
+
+use std::{path::Path, process::ExitCode};
+
+use clap::builder::PossibleValuesParser;
+use comfy_table::{Cell, CellAlignment};
+
+use super::{plan::table, print, selected::InvalidFiles};
+use crate::{
+    bench::{self, Measured},
+    env::EnvId,
+    plan::{self, RunSpec},
+    schedule::progress::thousands,
+    spec::{self, Algorithm, Overrides},
+};
+
+/// What to measure, and how long.
+#[derive(Debug, clap::Args)]
+pub struct BenchArguments {
+    /// The environment, such as HalfCheetah-v2
+    #[arg(long)]
+    env: EnvId,
+    /// The algorithm
+    #[arg(long, value_parser = PossibleValuesParser::new(Algorithm::names()))]
+    algorithm: String,
+    /// Set a key as in a matrix file, such as rollout.environments=1 or algorithms.mcpo.cg_iterations=5
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Iterations that are measured, after one that is not
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
+    iterations: u32,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Measures, and shows it.
+pub fn run(arguments: &BenchArguments) -> anyhow::Result<ExitCode> {
+    let measured = bench::measure(&spec(arguments)?, arguments.iterations.into())?;
+    let text = if arguments.json { serde_json::to_string_pretty(&measured)? + "\n" } else { show(&measured) };
+    print(&text)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The run that is meant: of a matrix file that would stand in `experiments`, beside the demonstrations.
+fn spec(arguments: &BenchArguments) -> anyhow::Result<RunSpec> {
+    let BenchArguments { env, algorithm, set, .. } = arguments;
+    let text = format!(
+        "name = 'bench'\nbudget.env_steps = 1_000_000_000\n\
+         [[matrix]]\nseed = [0]\nenv = ['{env}']\nalgorithm = ['{algorithm}']\n"
+    );
+    let overrides = Overrides { set: set.clone(), axis: Vec::new() };
+    let invalid = |errors| InvalidFiles(vec![errors]);
+    let spec = spec::parse(Path::new("experiments/bench.toml"), &text, &overrides).map_err(invalid)?;
+    let run = plan::plan(&spec)?.remove(0);
+    spec.ready(run.demonstration.as_deref()).map_err(invalid)?;
+    Ok(run)
+}
+
+fn show(measured: &Measured) -> String {
+    let Measured { shapes, floor, iterations, env_steps, .. } = measured;
+    let mut text = format!(
+        "{} in {}: {} observations, hidden layers of {:?}, {} actions; {} environments; {}\n",
+        measured.algorithm,
+        measured.env,
+        shapes.observation,
+        shapes.hidden,
+        shapes.action,
+        shapes.environments,
+        measured.cpu_class,
+    );
+    text += &format!("{iterations} iterations of {} steps after one to warm up", shapes.rollout);
+    if let Some(products) = measured.cg_iterations {
+        text += &format!("; {:.1} conjugate-gradient products each", products as f64 / *iterations as f64);
+    }
+    for (case, count) in &measured.cases {
+        text += &format!("; {count} {case}");
+    }
+    text += &format!(
+        "\n\n{} steps/s, {} a second of CPU time: {:.0} % of the floor's speed, which is {}\n\n",
+        thousands(measured.steps_per_s),
+        thousands(measured.steps_per_cpu_s),
+        100.0 * measured.floor_ratio,
+        thousands(floor.steps_per_cpu_s),
+    );
+
+    let steps = *env_steps as f64;
+    let mut phases = table(&["phase (wall clock)", "us/step", "%"]);
+    for (name, seconds) in measured.phases.iter() {
+        let share = 100.0 * seconds / measured.seconds;
+        phases.add_row([Cell::new(name), number(1e6 * seconds / steps), number(share)]);
+    }
+    let mut floors = table(&["floor (CPU time)", "us/step", "Mflop/step"]);
+    floors.add_row([Cell::new("physics alone"), number(1e6 * floor.physics_seconds / steps)]);
+    for (name, operations) in floor.operations.iter() {
+        let microseconds = 1e6 * operations / floor.rate.flops_per_s / steps;
+        floors.add_row([Cell::new(name), number(microseconds), number(1e-6 * operations / steps)]);
+    }
+    text += &format!(
+        "{phases}\n\n{floors}\n\nat {:.1} Gflop/s, the best product here: {}\n",
+        1e-9 * floor.rate.flops_per_s,
+        floor.rate.product
+    );
+    text
+}
+
+fn number(number: f64) -> Cell {
+    Cell::new(format!("{number:.2}")).set_alignment(CellAlignment::Right)
+}
