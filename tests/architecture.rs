@@ -27,7 +27,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("plan", &["env", "spec", "quantity", "rng"]),
     ("train", &["algo", "arithmetic", "demo", "env", "nn", "plan", "quantity", "rng", "solver", "spec", "stats"]),
     ("record", &["algo", "env", "nn", "plan", "quantity", "rng", "train"]),
-    ("schedule", &["algo", "demo", "env", "plan", "record", "train"]),
+    ("schedule", &["algo", "arithmetic", "demo", "env", "plan", "record", "train"]),
     ("bench", &["algo", "arithmetic", "demo", "env", "plan", "quantity", "record", "rng", "spec", "train"]),
     ("report", &["env", "plan", "record", "spec", "stats"]),
     (

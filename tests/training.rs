@@ -5,6 +5,7 @@ use std::path::Path;
 
 use mcpo_run::{
     algo::Agent,
+    arithmetic::threads,
     plan::{self, RunSpec},
     spec::{self, Algorithm, Overrides},
     train::{self, Ending, EvaluationEpisode, Flow, Iteration, RunSink, SinkError},
@@ -116,6 +117,27 @@ fn a_resumed_mujoco_run_with_contacts_is_the_same_run() {
     trained(&spec, Some(&checkpoint), &mut resumed);
     assert_eq!(whole.iterations, resumed.iterations);
     assert_eq!(whole.policies, resumed.policies);
+}
+
+#[test]
+fn threads_share_the_work_without_changing_a_bit() {
+    for (algorithm, env) in [("ppo", "Hopper-v2"), ("mcpo", "HalfCheetah-v2"), ("gail", "InvertedPendulum-v2")] {
+        let spec = run_spec(algorithm, env, "");
+        let mut one: Option<Memory> = None;
+        for count in [1, 2, 4] {
+            threads::set(count);
+            let mut memory = Memory::default();
+            trained(&spec, None, &mut memory);
+            if let Some(one) = &one {
+                assert_eq!(one.iterations, memory.iterations, "{algorithm} with {count} threads");
+                assert_eq!(one.evaluations, memory.evaluations, "{algorithm} with {count} threads");
+                assert_eq!(one.policies, memory.policies, "{algorithm} with {count} threads");
+            } else {
+                one = Some(memory);
+            }
+        }
+        threads::set(1);
+    }
 }
 
 #[test]

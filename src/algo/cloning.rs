@@ -64,8 +64,7 @@ pub fn clone_behaviour(
     let actions = demonstration.actions.map(|action| action as f32);
 
     let mut optimizer = Adam::new(agent.policy.dim());
-    let mut parameters = agent.policy.parameters();
-    let mut gradient = vec![0.0; parameters.len()];
+    let mut gradient = vec![0.0; agent.policy.dim()];
     let mut pass = Pass::default();
     let (mut some_observations, mut some_actions) = (DMatrix::zeros(0, 0), DMatrix::zeros(0, 0));
     let mut order: Vec<usize> = (0..actions.ncols()).collect();
@@ -82,8 +81,7 @@ pub fn clone_behaviour(
                 &mut pass,
                 Some(&mut gradient),
             );
-            optimizer.step(&mut parameters, &gradient, hyperparameters.learning_rate.get());
-            agent.policy.set_parameters(&parameters);
+            optimizer.step_parts(agent.policy.parts_mut(), &gradient, hyperparameters.learning_rate.get());
         }
         let value = loss(hyperparameters.loss, &agent.policy, &observations, &actions, &mut pass, None);
         epoch(number, finite("the loss of behaviour cloning", value)?, agent);

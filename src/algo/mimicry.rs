@@ -202,7 +202,6 @@ impl Mimicry {
         let inputs = normalizer.normalize_columns(&self.observations);
         let mut optimizer = Adam::new(policy.dim());
         let mut gradient = vec![0.0; policy.dim()];
-        let mut parameters = policy.parameters();
         let mut before = None;
         for step in 0.. {
             let mmd = self.at_states(policy, &inputs, Some(&mut gradient));
@@ -210,8 +209,7 @@ impl Mimicry {
             if mmd <= enough || step == steps {
                 return Ok(Descent { before, after: finite("D", mmd)?, steps: step });
             }
-            optimizer.step(&mut parameters, &gradient, learning_rate);
-            policy.set_parameters(&parameters);
+            optimizer.step_parts(policy.parts_mut(), &gradient, learning_rate);
         }
         unreachable!("the loop ends at its last step")
     }

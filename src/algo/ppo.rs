@@ -155,9 +155,7 @@ fn step(
     let factor = -(hyperparameters.max_gradient_norm.get() / norm.max(1e-12)).min(1.0) as f32;
     gradient.iter_mut().for_each(|g| *g *= factor);
 
-    let mut parameters = policy.parameters();
-    optimizer.step(&mut parameters, gradient, hyperparameters.learning_rate.get());
-    policy.set_parameters(&parameters);
+    optimizer.step_parts(policy.parts_mut(), gradient, hyperparameters.learning_rate.get());
     clipped
 }
 

@@ -6,8 +6,11 @@
 //! (The design has no such module: both `nn` and `demo` need these, and neither may use the other.)
 
 mod activation;
+mod dots;
 mod elementary;
 pub mod product;
+pub mod threads;
 
 pub use activation::{tanh_biased, tanh_cotangent, tanh_tangent};
+pub use dots::product_of_columns;
 pub use elementary::{exp, tanh};

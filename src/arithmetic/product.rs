@@ -35,12 +35,22 @@ pub fn product_nt(a: DMatrixView<'_, f32>, b: DMatrixView<'_, f32>, beta: f32, c
     Arch::new().dispatch(Product { a, right: Right::Transposed(b), beta, c });
 }
 
+/// `c = a [b^T 1] + beta c`: beside `a b^T`, in `c`'s last column, the sum of `a`'s columns. Shapes `[m x k] [n x k]
+/// [m x (n + 1)]`.
+pub fn product_nt_and_sum(a: DMatrixView<'_, f32>, b: DMatrixView<'_, f32>, beta: f32, c: DMatrixViewMut<'_, f32>) {
+    assert_eq!(a.ncols(), b.ncols(), "inner dimensions of a product");
+    assert_eq!(c.shape(), (a.nrows(), b.nrows() + 1), "the shape of a product");
+    Arch::new().dispatch(Product { a, right: Right::TransposedAndOnes(b), beta, c });
+}
+
 /// The right factor.
 enum Right<'a> {
     /// `b` of `a b`.
     Plain(DMatrixView<'a, f32>),
     /// `b` of `a b^T`.
     Transposed(DMatrixView<'a, f32>),
+    /// `b` of `a [b^T 1]`.
+    TransposedAndOnes(DMatrixView<'a, f32>),
 }
 
 struct Product<'a> {
@@ -110,13 +120,16 @@ impl Product<'_> {
                 let columns: [&[f32]; N] = array::from_fn(|j| &column_of(b, column + j.min(last))[..self.a.ncols()]);
                 sums::<S, V, N>(simd, &self.a, &rows, |l| array::from_fn(|j| simd.splat_f32s(columns[j][l])))
             }
-            Right::Transposed(b) if width == N => sums::<S, V, N>(simd, &self.a, &rows, |l| {
-                let numbers = &column_of(b, l)[column..column + N];
-                array::from_fn(|j| simd.splat_f32s(numbers[j]))
-            }),
-            Right::Transposed(b) => sums::<S, V, N>(simd, &self.a, &rows, |l| {
-                let numbers = &column_of(b, l)[column..column + width];
-                array::from_fn(|j| simd.splat_f32s(numbers[j.min(last)]))
+            Right::Transposed(b) | Right::TransposedAndOnes(b) if column + N <= b.nrows() => {
+                sums::<S, V, N>(simd, &self.a, &rows, |l| {
+                    let numbers = &column_of(b, l)[column..column + N];
+                    array::from_fn(|j| simd.splat_f32s(numbers[j]))
+                })
+            }
+            // At the right edge; past `b` are the ones.
+            Right::Transposed(b) | Right::TransposedAndOnes(b) => sums::<S, V, N>(simd, &self.a, &rows, |l| {
+                let numbers = &column_of(b, l)[column..];
+                array::from_fn(|j| simd.splat_f32s(numbers.get(j.min(last)).copied().unwrap_or(1.0)))
             }),
         };
         let beta = simd.splat_f32s(self.beta);
@@ -216,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn all_three_agree_with_plain_loops() {
+    fn all_agree_with_plain_loops() {
         for (m, k, n) in [(1, 1, 1), (3, 2, 5), (17, 300, 8), (40, 17, 33), (6, 400, 70), (65, 515, 9)] {
             for beta in [0.0, 1.0, -0.5] {
                 let (a, b, before) = (matrix(m, k, 1), matrix(k, n, 2), matrix(m, n, 3));
@@ -229,6 +242,10 @@ mod tests {
                 let mut c = before.clone();
                 product_nt(a.as_view(), b.transpose().as_view(), beta, c.as_view_mut());
                 assert_is_product(&a, &b, beta, &before, &c);
+                let (with_ones, before) = (b.clone().insert_column(n, 1.0), before.insert_column(n, 0.3));
+                let mut c = before.clone();
+                product_nt_and_sum(a.as_view(), b.transpose().as_view(), beta, c.as_view_mut());
+                assert_is_product(&a, &with_ones, beta, &before, &c);
             }
         }
     }

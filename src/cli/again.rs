@@ -35,7 +35,8 @@ pub fn compute(planned: &[Planned], results: &Path, jobs: Option<u16>, quiet: bo
         .map(|(run, _)| Planned { stamp: run.stamp.without_origin(), ..run.clone() })
         .collect();
     let jobs = jobs.map_or_else(physical_cores, usize::from);
-    let options = Options { jobs, retries: 0, fail_fast: false, hang_timeout: HANG_TIMEOUT, verbose: false };
+    let options =
+        Options { jobs, threads: None, retries: 0, fail_fast: false, hang_timeout: HANG_TIMEOUT, verbose: false };
     let costs = CostModel::default();
     let seconds = due.iter().map(|run| costs.seconds(&run.spec)).sum();
     let mut progress = Progress::new(Style::choose(quiet), false, due.len(), seconds);

@@ -23,9 +23,13 @@ use crate::{
 pub struct RunArguments {
     #[command(flatten)]
     selected: Selected,
-    /// Runs at a time, one process each [default: the physical cores]
+    /// Runs at a time, one process each [default: the physical cores over the threads of each run]
     #[arg(long, short, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     jobs: Option<u16>,
+    /// Threads that share the work of each run, with the same numbers [default: 1; where fewer runs than `--jobs` are left,
+    /// those that start share the rest]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    threads: Option<u16>,
     /// Try a run that failed so many times again, each time from its last checkpoint
     #[arg(long, value_name = "K", default_value_t = 0)]
     retries: u32,
@@ -71,9 +75,11 @@ pub fn run(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
     let summary = if due.is_empty() {
         Summary::default()
     } else {
-        let jobs = arguments.jobs.map_or_else(physical_cores, usize::from);
+        let threads = arguments.threads.map(usize::from);
+        let jobs = arguments.jobs.map_or_else(|| (physical_cores() / threads.unwrap_or(1)).max(1), usize::from);
         let options = Options {
             jobs,
+            threads,
             retries: arguments.retries,
             fail_fast: arguments.fail_fast,
             hang_timeout: Duration::from_secs(arguments.hang_timeout),

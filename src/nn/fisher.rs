@@ -6,22 +6,19 @@ use super::{GaussianPolicy, Pass};
 use crate::solver::LinearOperator;
 
 /// The Fisher information of a policy over a batch, plus damping: the Hessian of the mean KL at the policy itself.
-/// Each product is one JVP and one VJP on the activations of one forward pass.
+/// Each product is a Gauss-Newton product on the activations of one forward pass.
 #[derive(Debug)]
 pub struct Fisher<'a> {
     policy: &'a GaussianPolicy,
     observations: &'a DMatrix<f32>,
     pass: &'a mut Pass,
     damping: f64,
-    /// Derivatives by the mean `[action_dim x n]`.
-    by_mean: DMatrix<f32>,
 }
 
 impl<'a> Fisher<'a> {
     /// `pass` is that of `policy`'s last forward pass on `observations`; `damping` is added to the diagonal.
     pub fn new(policy: &'a GaussianPolicy, observations: &'a DMatrix<f32>, pass: &'a mut Pass, damping: f64) -> Self {
-        let by_mean = DMatrix::zeros(policy.log_std().len(), observations.ncols());
-        Self { policy, observations, pass, damping, by_mean }
+        Self { policy, observations, pass, damping }
     }
 }
 
@@ -34,14 +31,10 @@ impl LinearOperator for Fisher<'_> {
         let network = &self.policy.mean();
         let (x_mean, x_log_std) = x.split_at(network.parameters().len());
         let (product_mean, product_log_std) = product.split_at_mut(network.parameters().len());
-        network.jvp(self.observations, self.pass, x_mean, &mut self.by_mean);
         // The KL's Hessian by the mean is 1 / std^2; here also the division by the number of samples.
-        let samples = self.by_mean.ncols() as f64;
+        let samples = self.observations.ncols() as f64;
         let weights: Vec<f32> = self.policy.inverse_std().map(|r| (r * r / samples) as f32).collect();
-        for column in self.by_mean.as_mut_slice().chunks_exact_mut(weights.len()) {
-            column.iter_mut().zip(&weights).for_each(|(x, w)| *x *= w);
-        }
-        network.vjp(self.observations, self.pass, &self.by_mean, product_mean);
+        network.gauss_newton(self.observations, self.pass, &weights, x_mean, product_mean);
         let damping = self.damping as f32;
         product_mean.iter_mut().zip(x_mean).for_each(|(y, x)| *y += damping * x);
         // By log_std the KL's Hessian is 2, in every state.

@@ -6,11 +6,13 @@ use nalgebra::{DMatrix, DMatrixView};
 use rand::RngExt as _;
 use serde::{Deserialize, Serialize};
 
-use super::pass::{CHUNK, Pass, chunks, columns, columns_mut, matrix, matrix_mut};
+use super::pass::{
+    CHUNK, Kept, Pass, Scratch, chunks, columns, columns_mut, cut, first, matrix, matrix_mut, sum_over_chunks,
+};
 use crate::{
     arithmetic::{
-        product::{product, product_nt},
-        tanh_biased, tanh_cotangent, tanh_tangent,
+        product::{product, product_nt, product_nt_and_sum},
+        product_of_columns, tanh_biased, tanh_cotangent, tanh_tangent, threads,
     },
     rng::Rng,
 };
@@ -66,7 +68,10 @@ impl Mlp {
     }
 
     /// The same of any vector that is laid out like the parameters.
-    fn layers_of<'a>(&'a self, mut flat: &'a [f32]) -> impl Iterator<Item = (DMatrixView<'a, f32>, &'a [f32])> {
+    pub(super) fn layers_of<'a>(
+        &'a self,
+        mut flat: &'a [f32],
+    ) -> impl Iterator<Item = (DMatrixView<'a, f32>, &'a [f32])> {
         self.widths.windows(2).map(move |shape| {
             let (block, rest) = flat.split_at(block_len(shape));
             flat = rest;
@@ -79,20 +84,51 @@ impl Mlp {
     pub fn forward(&self, inputs: &DMatrix<f32>, pass: &mut Pass) {
         assert_eq!(inputs.nrows(), self.widths[0], "height of the network's inputs");
         pass.prepare(&self.widths, inputs.ncols());
-        for chunk in chunks(inputs.ncols()) {
-            for (layer, (weights, biases)) in self.layers().enumerate() {
-                let (width, fan_in) = weights.shape();
-                let (below, here) = pass.activations.split_at_mut(layer);
-                let is_output = here.len() == 1;
-                let input = columns(below.last().map_or(inputs.as_slice(), Vec::as_slice), fan_in, &chunk);
-                let output = columns_mut(&mut here[0], width, &chunk);
-                product(weights, matrix(input, fan_in), 0.0, matrix_mut(output, width));
-                if is_output {
-                    add_to_columns(output, biases);
-                } else {
-                    tanh_biased(output, biases);
-                }
+        let Pass { activations, transposed, rooms, .. } = pass;
+        if let (Some((weights, _)), Some(transposed)) = (self.layers().last(), transposed.last_mut()) {
+            weights.transpose_to(&mut matrix_mut(transposed, weights.ncols()));
+        }
+        let output_weights = transposed.last().map_or(&[][..], Vec::as_slice);
+        let input_of = |chunk: &Range<usize>| columns(inputs.as_slice(), self.widths[0], chunk);
+        let layers = activations.iter_mut().zip(self.widths[1..].iter().copied());
+        if rooms.len() > 1 {
+            threads::share(rooms, cut(layers, inputs.ncols(), CHUNK), |_, (chunk, layers)| {
+                self.forward_chunk(input_of(&chunk), output_weights, layers.into_iter());
+            });
+        } else {
+            for chunk in chunks(inputs.ncols()) {
+                let layers = activations.iter_mut().zip(&self.widths[1..]);
+                let layers = layers.map(|(values, &width)| columns_mut(values, width, &chunk));
+                self.forward_chunk(input_of(&chunk), output_weights, layers);
             }
+        }
+    }
+
+    /// Runs the `inputs` of one chunk through the network to the activations of each of `layers`, from the input on.
+    /// `output_weights` are the output layer's, transposed.
+    fn forward_chunk<'a>(
+        &self,
+        inputs: &'a [f32],
+        output_weights: &[f32],
+        layers: impl Iterator<Item = &'a mut [f32]>,
+    ) {
+        let mut input = inputs;
+        let output_layer = self.widths.len() - 2;
+        for ((layer, (weights, biases)), output) in self.layers().enumerate().zip(layers) {
+            let (width, fan_in) = weights.shape();
+            if layer == output_layer {
+                product_of_columns(
+                    matrix(output_weights, fan_in),
+                    matrix(input, fan_in),
+                    0.0,
+                    matrix_mut(output, width),
+                );
+                add_to_columns(output, biases);
+            } else {
+                product(weights, matrix(input, fan_in), 0.0, matrix_mut(output, width));
+                tanh_biased(output, biases);
+            }
+            input = output;
         }
     }
 
@@ -102,56 +138,31 @@ impl Mlp {
         pass.check(&self.widths, inputs);
         assert_eq!(cotangent.shape(), (pass.output_dim, pass.samples), "shape of the cotangent");
         assert_eq!(gradient.len(), self.parameters.len(), "length of the gradient");
+        self.transpose(pass);
+        let Pass { samples, activations, transposed, rooms, .. } = pass;
+        sum_over_chunks(*samples, rooms, gradient, |chunk, Scratch { hidden, output_weights, .. }, gradient| {
+            let kept = Kept { widths: &self.widths, inputs: inputs.as_slice(), activations, chunk };
+            let cotangent = matrix(columns(cotangent.as_slice(), cotangent.nrows(), &kept.chunk), cotangent.nrows());
+            for layer in (1..transposed.len()).rev() {
+                let (here, above) = hidden.split_at_mut(layer);
+                let derivative =
+                    above.first().map_or(cotangent, |above| first(above, self.widths[layer + 1], kept.chunk.len()));
+                let here = &mut here[layer - 1][..self.widths[layer] * kept.chunk.len()];
+                let weights = matrix(&transposed[layer], self.widths[layer]);
+                product(weights, derivative, 0.0, matrix_mut(here, self.widths[layer]));
+                tanh_cotangent(here, kept.flat_input(layer));
+            }
+            add_gradient(&kept, hidden, cotangent, output_weights, gradient);
+        });
+    }
+
+    /// Makes all of [`Pass::transposed`].
+    pub(super) fn transpose(&self, pass: &mut Pass) {
         if !pass.is_transposed {
             for ((weights, _), transposed) in self.layers().zip(&mut pass.transposed) {
-                transposed.resize(weights.len(), 0.0);
                 weights.transpose_to(&mut matrix_mut(transposed, weights.ncols()));
             }
             pass.is_transposed = true;
-        }
-        gradient.fill(0.0);
-        for chunk in chunks(pass.samples) {
-            self.add_vjp(inputs, pass, cotangent, &chunk, gradient);
-        }
-    }
-
-    /// Adds one chunk's gradient, which is summed from zero: a product over a chunk's samples, few enough for one block of
-    /// the product's inner loop, is complete before it is added (a test checks the bits).
-    fn add_vjp(
-        &self,
-        inputs: &DMatrix<f32>,
-        pass: &mut Pass,
-        cotangent: &DMatrix<f32>,
-        chunk: &Range<usize>,
-        mut gradient: &mut [f32],
-    ) {
-        let at_zero = 0..chunk.len();
-        for (layer, shape) in self.widths.windows(2).enumerate().rev() {
-            let (fan_in, width) = (shape[0], shape[1]);
-            let block;
-            (gradient, block) = gradient.split_at_mut(gradient.len() - block_len(shape));
-
-            // The derivative by this layer's sums; that of a hidden layer, the layer above left in the first scratch.
-            let [here, below] = &mut pass.scratch;
-            let derivative = match layer + 2 == self.widths.len() {
-                true => columns(cotangent.as_slice(), width, chunk),
-                false => columns(here, width, &at_zero),
-            };
-            let input = match layer {
-                0 => columns(inputs.as_slice(), fan_in, chunk),
-                _ => columns(&pass.activations[layer - 1], fan_in, chunk),
-            };
-            let (by_weights, by_biases) = block.split_at_mut(fan_in * width);
-            product_nt(matrix(derivative, width), matrix(input, fan_in), 1.0, matrix_mut(by_weights, width));
-            let ones = matrix(&ONES[..chunk.len()], chunk.len());
-            product(matrix(derivative, width), ones, 1.0, matrix_mut(by_biases, width));
-            if layer > 0 {
-                let weights = matrix(&pass.transposed[layer], fan_in);
-                let below = columns_mut(below, fan_in, &at_zero);
-                product(weights, matrix(derivative, width), 0.0, matrix_mut(below, fan_in));
-                tanh_cotangent(below, input);
-            }
-            pass.scratch.swap(0, 1);
         }
     }
 
@@ -161,32 +172,62 @@ impl Mlp {
         pass.check(&self.widths, inputs);
         assert_eq!(tangent.len(), self.parameters.len(), "length of the tangent");
         assert_eq!(output_tangent.shape(), (pass.output_dim, pass.samples), "shape of the output's tangent");
-        for chunk in chunks(pass.samples) {
-            let at_zero = 0..chunk.len();
+        let Pass { samples, activations, rooms, .. } = pass;
+        let hidden = &mut rooms[0].hidden;
+        for chunk in chunks(*samples) {
+            let kept = Kept { widths: &self.widths, inputs: inputs.as_slice(), activations, chunk };
             let layers = self.layers().zip(self.layers_of(tangent));
             for (layer, ((weights, _), (weights_tangent, biases_tangent))) in layers.enumerate() {
                 let (width, fan_in) = weights.shape();
-                let is_output = layer + 2 == self.widths.len();
-                let [below, here] = &mut pass.scratch;
-                let here = match is_output {
-                    true => columns_mut(output_tangent.as_mut_slice(), width, &chunk),
-                    false => columns_mut(here, width, &at_zero),
+                let (below, here) = hidden.split_at_mut(layer);
+                let is_output = here.is_empty();
+                let here = match here.first_mut() {
+                    None => columns_mut(output_tangent.as_mut_slice(), width, &kept.chunk),
+                    Some(here) => &mut here[..width * kept.chunk.len()],
                 };
-                if layer == 0 {
-                    let input = columns(inputs.as_slice(), fan_in, &chunk);
-                    product(weights_tangent, matrix(input, fan_in), 0.0, matrix_mut(here, width));
-                } else {
-                    let input = columns(&pass.activations[layer - 1], fan_in, &chunk);
-                    product(weights_tangent, matrix(input, fan_in), 0.0, matrix_mut(here, width));
-                    let input_tangent = columns(below, fan_in, &at_zero);
-                    product(weights, matrix(input_tangent, fan_in), 1.0, matrix_mut(here, width));
+                product(weights_tangent, kept.input(layer), 0.0, matrix_mut(here, width));
+                if let Some(below) = below.last() {
+                    product(weights, first(below, fan_in, kept.chunk.len()), 1.0, matrix_mut(here, width));
                 }
                 if is_output {
                     add_to_columns(here, biases_tangent);
                 } else {
-                    tanh_tangent(here, biases_tangent, columns(&pass.activations[layer], width, &chunk));
+                    tanh_tangent(here, biases_tangent, kept.flat_input(layer + 1));
                 }
-                pass.scratch.swap(0, 1);
+            }
+        }
+    }
+}
+
+/// Adds the gradient of the chunk `kept`, from the derivatives by each layer's sums: `hidden` (`[width x CHUNK]`) and
+/// `cotangent` (`[out x chunk]`). A sum over a chunk's samples is complete before it is added (a test checks the bits).
+/// `room` is for the output's weights.
+pub(super) fn add_gradient(
+    kept: &Kept<'_>,
+    hidden: &[Vec<f32>],
+    cotangent: DMatrixView<'_, f32>,
+    room: &mut [f32],
+    mut gradient: &mut [f32],
+) {
+    for (layer, shape) in kept.widths.windows(2).enumerate() {
+        let (fan_in, width) = (shape[0], shape[1]);
+        let block;
+        (block, gradient) = gradient.split_at_mut(block_len(shape));
+        match hidden.get(layer) {
+            // The biases, which lie behind the weights, are weights of an input of 1.
+            Some(derivative) => {
+                let derivative = first(derivative, width, kept.chunk.len());
+                product_nt_and_sum(derivative, kept.input(layer), 1.0, matrix_mut(block, width));
+            }
+            // The other way round, since a product whose result has few rows is slow.
+            None => {
+                let (by_weights, by_biases) = block.split_at_mut(fan_in * width);
+                product_nt(kept.input(layer), cotangent, 0.0, matrix_mut(room, fan_in));
+                for (row, by_weight) in by_weights.chunks_exact_mut(width).enumerate() {
+                    by_weight.iter_mut().zip(room[row..].iter().step_by(fan_in)).for_each(|(sum, x)| *sum += x);
+                }
+                let ones = matrix(&ONES[..kept.chunk.len()], kept.chunk.len());
+                product(cotangent, ones, 1.0, matrix_mut(by_biases, width));
             }
         }
     }
@@ -198,7 +239,7 @@ fn block_len(shape: &[usize]) -> usize {
 }
 
 /// Adds `bias` to each column.
-fn add_to_columns(values: &mut [f32], bias: &[f32]) {
+pub(super) fn add_to_columns(values: &mut [f32], bias: &[f32]) {
     for column in values.chunks_exact_mut(bias.len()) {
         column.iter_mut().zip(bias).for_each(|(x, b)| *x += b);
     }

@@ -7,6 +7,7 @@
 //! are f32, sums over samples f64 or fixed chunks in a fixed order, so that a result does not depend on how many samples
 //! pass together or on how many threads share them.
 
+mod curvature;
 mod fisher;
 mod mlp;
 mod normalizer;

@@ -1,12 +1,14 @@
 //! What a network keeps between its passes, and how a batch is cut.
 
-use std::ops::Range;
+use std::{mem, ops::Range};
 
 use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut};
 
-/// Samples that pass together. Sums over samples run chunk by chunk in this order, each from zero, so that threads could
-/// share the chunks and give the same bits. Large enough for the products' full rate, small enough for the cache.
-pub(super) const CHUNK: usize = 256;
+use crate::arithmetic::threads::{self, InOrder};
+
+/// Samples that pass together. Sums over samples run chunk by chunk in this order, each from zero, so that threads share
+/// the chunks and give the same bits. Large enough for the products' full rate, small enough for the cache.
+pub(super) const CHUNK: usize = 128;
 
 /// What a forward pass leaves for the derivatives: every layer's activations, and room to work in. Reused between passes,
 /// it allocates only when a batch is larger than any before.
@@ -18,12 +20,33 @@ pub struct Pass {
     pub(super) output_dim: usize,
     /// Each layer's activations `[out x samples]`, and room beyond them for larger batches.
     pub(super) activations: Vec<Vec<f32>>,
-    /// Each layer's weights, transposed `[in x out]`: the way back reads them so. Made when first needed.
+    /// Each layer's weights, transposed `[in x out]`: the way back reads them so, and the output layer forward too. Those of
+    /// the layers between are made when first needed.
     pub(super) transposed: Vec<Vec<f32>>,
-    /// Whether [`transposed`](Self::transposed) is that of the last forward pass's parameters.
+    /// Whether all of [`transposed`](Self::transposed) is that of the last forward pass's parameters.
     pub(super) is_transposed: bool,
-    /// Derivatives of two neighbouring hidden layers on one chunk.
-    pub(super) scratch: [Vec<f32>; 2],
+    /// For each hidden layer but the last, the derivative of the outputs by its sums `[width x (output_dim x samples)]`,
+    /// sample by sample. Made when first needed.
+    pub(super) sensitivities: Vec<Vec<f32>>,
+    /// Whether [`sensitivities`](Self::sensitivities) are those of the last forward pass.
+    pub(super) is_sensitive: bool,
+    /// Room for one chunk, for each thread that shares them.
+    pub(super) rooms: Vec<Scratch>,
+}
+
+/// Room to work on one chunk.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Scratch {
+    /// A derivative of each hidden layer `[width x CHUNK]`.
+    pub(super) hidden: Vec<Vec<f32>>,
+    /// A derivative of the outputs `[out x CHUNK]`.
+    pub(super) output: Vec<f32>,
+    /// One of the output layer's weights, transposed `[in x out]`.
+    pub(super) output_weights: Vec<f32>,
+    /// Derivatives of the outputs by the last hidden layer's sums, for a few samples.
+    pub(super) sensitivity: Vec<f32>,
+    /// A chunk's share of a sum over samples, where threads share it `[parameters]`.
+    share: Vec<f32>,
 }
 
 impl Pass {
@@ -35,18 +58,27 @@ impl Pass {
 
     /// Makes room for `samples` in a network of `widths`.
     pub(super) fn prepare(&mut self, widths: &[usize], samples: usize) {
-        let outputs = &widths[1..];
-        let widest = outputs.iter().copied().max().unwrap_or(0);
+        let [_, hidden @ .., output] = widths else { unreachable!("a network has an input and an output") };
         self.samples = samples;
-        self.output_dim = outputs[outputs.len() - 1];
-        self.is_transposed = false;
-        self.transposed.resize_with(outputs.len(), Vec::new);
-        self.activations.resize_with(outputs.len(), Vec::new);
-        for (activation, width) in self.activations.iter_mut().zip(outputs) {
+        self.output_dim = *output;
+        (self.is_transposed, self.is_sensitive) = (false, false);
+        self.transposed.resize_with(widths.len() - 1, Vec::new);
+        self.activations.resize_with(widths.len() - 1, Vec::new);
+        for (activation, width) in self.activations.iter_mut().zip(&widths[1..]) {
             grow(activation, width * samples);
         }
-        for scratch in &mut self.scratch {
-            grow(scratch, widest * samples.min(CHUNK));
+        for (transposed, shape) in self.transposed.iter_mut().zip(widths.windows(2)) {
+            transposed.resize(shape[0] * shape[1], 0.0);
+        }
+        let threads = threads::count().min(samples.div_ceil(CHUNK)).max(1);
+        self.rooms.resize_with(threads, Scratch::default);
+        for Scratch { hidden: rooms, output: room, output_weights, .. } in &mut self.rooms {
+            rooms.resize_with(hidden.len(), Vec::new);
+            for (room, width) in rooms.iter_mut().zip(hidden) {
+                grow(room, width * samples.min(CHUNK));
+            }
+            grow(room, output * samples.min(CHUNK));
+            output_weights.resize(output * widths[widths.len() - 2], 0.0);
         }
     }
 
@@ -55,6 +87,72 @@ impl Pass {
         assert_eq!(inputs.shape(), (widths[0], self.samples), "the inputs are those of the last forward pass");
         assert_eq!(self.activations.len(), widths.len() - 1, "the last forward pass was this network's");
     }
+}
+
+/// What a forward pass keeps of one chunk.
+pub(super) struct Kept<'a> {
+    /// The network's.
+    pub(super) widths: &'a [usize],
+    /// Of all samples `[in x n]`.
+    pub(super) inputs: &'a [f32],
+    /// Each layer's, of all samples `[out x n]`.
+    pub(super) activations: &'a [Vec<f32>],
+    /// Which samples.
+    pub(super) chunk: Range<usize>,
+}
+
+impl<'a> Kept<'a> {
+    /// What goes into `layer`, which is what the layer below it gave `[in x chunk]`.
+    pub(super) fn input(&self, layer: usize) -> DMatrixView<'a, f32> {
+        matrix(self.flat_input(layer), self.widths[layer])
+    }
+
+    /// The same, flat.
+    pub(super) fn flat_input(&self, layer: usize) -> &'a [f32] {
+        let values = layer.checked_sub(1).map_or(self.inputs, |below| &self.activations[below]);
+        columns(values, self.widths[layer], &self.chunk)
+    }
+}
+
+/// Writes to `sum` what `add` adds for each chunk of `samples`, in their order, shared by as many threads as there are
+/// `rooms`. A thread's share starts from zero, as `add` itself must: then the bits are those of one thread.
+pub(super) fn sum_over_chunks(
+    samples: usize,
+    rooms: &mut [Scratch],
+    sum: &mut [f32],
+    add: impl Fn(Range<usize>, &mut Scratch, &mut [f32]) + Sync,
+) {
+    sum.fill(0.0);
+    if let [room] = rooms {
+        return chunks(samples).for_each(|chunk| add(chunk, room, sum));
+    }
+    let len = sum.len();
+    let sum = InOrder::new(sum);
+    threads::share(rooms, chunks(samples).enumerate(), |room, (number, chunk)| {
+        let mut share = mem::take(&mut room.share);
+        let make = || {
+            share.clear();
+            share.resize(len, 0.0);
+            add(chunk, room, &mut share);
+            share
+        };
+        room.share = sum.in_turn(number, make, |sum, share| {
+            sum.iter_mut().zip(&share).for_each(|(sum, x)| *sum += x);
+            share
+        });
+    });
+}
+
+/// Cuts matrices of `heights`, one column a sample, at the chunks of `size` samples: what each chunk has of each.
+pub(super) fn cut<'a>(
+    matrices: impl Iterator<Item = (&'a mut Vec<f32>, usize)>,
+    samples: usize,
+    size: usize,
+) -> impl Iterator<Item = (Range<usize>, Vec<&'a mut [f32]>)> {
+    let mut pieces: Vec<_> =
+        matrices.map(|(values, height)| values[..height * samples].chunks_mut(height * size)).collect();
+    let ranges = (0..samples).step_by(size).map(move |start| start..samples.min(start + size));
+    ranges.map(move |range| (range, pieces.iter_mut().filter_map(Iterator::next).collect()))
 }
 
 /// Where `samples` are cut.
@@ -77,6 +175,11 @@ pub(super) fn matrix(values: &[f32], height: usize) -> DMatrixView<'_, f32> {
     DMatrixView::from_slice(values, height, values.len() / height)
 }
 
+/// The first `len` columns of `height` in `values`.
+pub(super) fn first(values: &[f32], height: usize, len: usize) -> DMatrixView<'_, f32> {
+    matrix(&values[..height * len], height)
+}
+
 /// The same, to be written.
 pub(super) fn matrix_mut(values: &mut [f32], height: usize) -> DMatrixViewMut<'_, f32> {
     let len = values.len() / height;
@@ -84,7 +187,7 @@ pub(super) fn matrix_mut(values: &mut [f32], height: usize) -> DMatrixViewMut<'_
 }
 
 /// Makes `room` at least `len` long.
-fn grow(room: &mut Vec<f32>, len: usize) {
+pub(super) fn grow(room: &mut Vec<f32>, len: usize) {
     if room.len() < len {
         room.resize(len, 0.0);
     }

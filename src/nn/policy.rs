@@ -44,6 +44,11 @@ impl GaussianPolicy {
         [self.mean.parameters(), &self.log_std].concat()
     }
 
+    /// All parameters in their order, to be changed: the network's, and `log_std`.
+    pub fn parts_mut(&mut self) -> [&mut [f32]; 2] {
+        [self.mean.parameters_mut(), &mut self.log_std]
+    }
+
     /// Replaces all parameters (`[dim]`).
     pub fn set_parameters(&mut self, parameters: &[f32]) {
         let (mean, log_std) = parameters.split_at(self.mean.parameters().len());

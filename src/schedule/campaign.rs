@@ -27,6 +27,9 @@ const LOOK_AROUND: Duration = Duration::from_secs(1);
 pub struct Options {
     /// Runs at a time.
     pub jobs: usize,
+    /// Threads that share a run's work. `None`: one, and the places of `jobs` that no run will take are shared among those
+    /// that start last.
+    pub threads: Option<usize>,
     /// How often a run that failed is tried again, each time from its last checkpoint.
     pub retries: u32,
     /// Whether the first failure stops everything.
@@ -152,7 +155,10 @@ impl Campaign<'_> {
 
     fn start(&mut self, number: usize) {
         let run = &self.due[number];
-        let job = Job { results: self.results.to_owned(), stamp: run.stamp.clone(), verbose: self.options.verbose };
+        let Options { jobs, threads, verbose, .. } = self.options;
+        let left = self.running.len() + 1 + self.queue.len();
+        let threads = threads.unwrap_or((jobs / left).max(1));
+        let job = Job { results: self.results.to_owned(), stamp: run.stamp.clone(), verbose, threads };
         match self.executor.start(number, &job) {
             Ok(()) => {
                 let now = Instant::now();

@@ -16,6 +16,8 @@ pub struct Job {
     pub stamp: Stamp,
     /// Whether `log.txt` holds every iteration.
     pub verbose: bool,
+    /// Threads that share the run's work, which does not change its numbers.
+    pub threads: usize,
 }
 
 /// What a worker tells.

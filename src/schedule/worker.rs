@@ -19,6 +19,7 @@ use super::{
     stop::{INTERRUPTED, StopRequest},
 };
 use crate::{
+    arithmetic::threads,
     plan::RunSpec,
     record::{Checkpoint, Claim, Manifest, Outcome, RecordError, RunPaths, Stamp, now},
     train::{self, Ending, TrainError},
@@ -90,6 +91,7 @@ fn work() -> Result<Event, WorkerError> {
     let checkpoint = Checkpoint::read(&RunPaths::checkpoint(&paths.partial), &manifest.stamp.fingerprint)?;
     let mut recorded = checkpoint.unwrap_or_default();
     let state = Some(mem::take(&mut recorded.state)).filter(|state| !state.is_empty());
+    threads::set(job.threads);
     let mut recorder = Recorder::begin(&spec, paths, stop, manifest, recorded)?;
     Ok(match train::run(&spec, state.as_deref(), &mut recorder)? {
         Ending::Finished => recorder.finish()?,

@@ -1,5 +1,6 @@
 //! Adam (Kingma and Ba, 2015). Knows the gradient alone: an L2 penalty is part of the gradient that the caller passes.
 
+use pulp::Arch;
 use serde::{Deserialize, Serialize};
 
 /// Decay of the mean of gradients.
@@ -26,7 +27,13 @@ impl Adam {
     /// Takes one step down `gradient` (`[dim]`) with step size `learning_rate` (0.9, 0.999, epsilon 1e-8). Panics when a
     /// length is not `dim`.
     pub fn step(&mut self, parameters: &mut [f32], gradient: &[f32], learning_rate: f64) {
-        assert_eq!(parameters.len(), self.first.len(), "adam was made for another number of parameters");
+        self.step_parts([parameters], gradient, learning_rate);
+    }
+
+    /// The same for parameters that lie in several places: `parts` are `[dim]` together.
+    pub fn step_parts<const N: usize>(&mut self, parts: [&mut [f32]; N], gradient: &[f32], learning_rate: f64) {
+        let dim = parts.iter().map(|part| part.len()).sum::<usize>();
+        assert_eq!(dim, self.first.len(), "adam was made for another number of parameters");
         assert_eq!(gradient.len(), self.first.len(), "the gradient has another dimension than the parameters");
         self.steps += 1;
         // Both corrections of the start from zero, once a step: what is left for each parameter is one square root and
@@ -35,12 +42,23 @@ impl Adam {
         let scale = (1.0 / (1.0 - SECOND_DECAY.powf(self.steps as f64)).sqrt()) as f32;
         let (keep_first, add_first) = (FIRST_DECAY as f32, (1.0 - FIRST_DECAY) as f32);
         let (keep_second, add_second) = (SECOND_DECAY as f32, (1.0 - SECOND_DECAY) as f32);
-        let moments = self.first.iter_mut().zip(&mut self.second);
-        for ((parameter, &slope), (first, second)) in parameters.iter_mut().zip(gradient).zip(moments) {
-            *first = keep_first * *first + add_first * slope;
-            *second = keep_second * *second + add_second * slope * slope;
-            *parameter -= step_size * *first / (second.sqrt() * scale + EPSILON);
-        }
+        let (first, second) = (&mut self.first, &mut self.second);
+        Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                let mut start = 0;
+                for part in parts {
+                    let range = start..start + part.len();
+                    start = range.end;
+                    let moments = first[range.clone()].iter_mut().zip(&mut second[range.clone()]);
+                    for ((parameter, &slope), (first, second)) in part.iter_mut().zip(&gradient[range]).zip(moments) {
+                        *first = keep_first * *first + add_first * slope;
+                        *second = keep_second * *second + add_second * slope * slope;
+                        *parameter -= step_size * *first / (second.sqrt() * scale + EPSILON);
+                    }
+                }
+            },
+        );
     }
 }
 
@@ -87,6 +105,19 @@ mod tests {
                 assert!((f64::from(found) - wanted).abs() < 5e-7, "step {}: {found} but numpy has {wanted}", t + 1);
             }
         }
+    }
+
+    #[test]
+    fn parts_move_as_the_whole_does() {
+        let slope: Vec<f32> = (0..70).map(|i| (i as f32).sin()).collect();
+        let (mut whole, mut parts) = (slope.clone(), slope.clone());
+        let (mut adam, mut other) = (Adam::new(70), Adam::new(70));
+        for _ in 0..3 {
+            adam.step(&mut whole, &slope, 0.05);
+            let (head, tail) = parts.split_at_mut(41);
+            other.step_parts([head, tail], &slope, 0.05);
+        }
+        assert_eq!((whole, adam), (parts, other));
     }
 
     #[test]

@@ -13,6 +13,8 @@ mod constrained;
 pub mod dual;
 pub mod line_search;
 
+use pulp::Arch;
+
 pub use constrained::{ConstrainedStep, LinearConstraint, constrained_step};
 
 /// A symmetric positive definite matrix, known by its products.
@@ -75,15 +77,22 @@ impl Step {
 /// The dot product, summed in f64.
 pub fn dot(a: &[f32], b: &[f32]) -> f64 {
     debug_assert_eq!(a.len(), b.len());
-    // Eight partial sums: the order is fixed, and the compiler may still use the whole width of the machine.
-    let mut sums = [0.0f64; 8];
-    let (heads, tail) = a.as_chunks::<8>();
-    let (other_heads, other_tail) = b.as_chunks::<8>();
-    for (x, y) in heads.iter().zip(other_heads) {
-        for lane in 0..8 {
-            sums[lane] += f64::from(x[lane]) * f64::from(y[lane]);
-        }
-    }
+    // So many partial sums that no addition waits for another, in an order that no width of registers changes.
+    const SUMS: usize = 32;
+    let (heads, tail) = a.as_chunks::<SUMS>();
+    let (other_heads, other_tail) = b.as_chunks::<SUMS>();
+    let sums = Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            let mut sums = [0.0f64; SUMS];
+            for (x, y) in heads.iter().zip(other_heads) {
+                for lane in 0..SUMS {
+                    sums[lane] += f64::from(x[lane]) * f64::from(y[lane]);
+                }
+            }
+            sums
+        },
+    );
     let rest: f64 = tail.iter().zip(other_tail).map(|(&x, &y)| f64::from(x) * f64::from(y)).sum();
     sums.iter().sum::<f64>() + rest
 }
@@ -94,7 +103,7 @@ mod tests {
 
     #[test]
     fn dot_equals_the_plain_loop_at_every_length() {
-        for length in 0..40 {
+        for length in (0..40).chain([127, 1000]) {
             let a: Vec<f32> = (0..length).map(|i| (i as f32 * 0.7).sin()).collect();
             let b: Vec<f32> = (0..length).map(|i| (i as f32 * 1.3).cos()).collect();
             let plain: f64 = (0..length).map(|i| f64::from(a[i]) * f64::from(b[i])).sum();

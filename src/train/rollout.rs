@@ -1,6 +1,11 @@
 //! Experience: several environments stepped together under one policy.
 
-use std::time::{Duration, Instant};
+use std::{
+    mem,
+    sync::mpsc,
+    thread,
+    time::{Duration, Instant},
+};
 
 use nalgebra::DMatrix;
 use rand_distr::{Distribution, StandardNormal};
@@ -8,25 +13,50 @@ use serde::{Deserialize, Serialize};
 
 use crate::{
     algo::{Agent, Batch, Segment, SegmentEnd},
-    env::{EnvError, EpisodeEnd, Task},
+    arithmetic::threads,
+    env::{EnvError, EpisodeEnd, Task, Transition},
     nn::Pass,
     rng::{Rng, Seed, Stream},
 };
 
 /// The environments of a run, each somewhere in an episode.
 pub struct Rollout {
-    tasks: Vec<Task>,
-    lanes: Vec<Lane>,
+    /// In their order, a group for each thread that steps them.
+    groups: Vec<Vec<Lane>>,
     pass: Pass,
+}
+
+/// One environment with what belongs to it.
+struct Lane {
+    task: Task,
+    own: Own,
+    action: Vec<f64>,
+    /// What its last step gave.
+    stepped: Option<Result<Transition, EnvError>>,
+    /// The observation after that step, where it ended an episode.
+    last_observation: Vec<f64>,
 }
 
 /// What belongs to one environment beside its physics.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-struct Lane {
+struct Own {
     resets: Rng,
     noise: Rng,
     observation: Vec<f64>,
     episode: Episode,
+}
+
+impl Lane {
+    /// Takes a step under `action`, and starts the next episode where one ended.
+    fn step(&mut self) {
+        let Self { task, own, action, stepped, last_observation } = self;
+        let transition = task.step(action, &mut own.observation);
+        if transition.as_ref().is_ok_and(|transition| transition.end.is_some()) {
+            last_observation.copy_from_slice(&own.observation);
+            task.reset(&mut own.resets, &mut own.observation);
+        }
+        *stepped = Some(transition);
+    }
 }
 
 /// An episode under way, or ended.
@@ -52,17 +82,24 @@ pub struct Collected {
 
 impl Rollout {
     /// `tasks`, each at the start of its first episode.
-    pub fn new(mut tasks: Vec<Task>, seed: Seed) -> Self {
-        let lanes = (0u32..)
-            .zip(&mut tasks)
-            .map(|(index, task)| {
-                let mut resets = seed.stream(Stream::Environment, index);
-                let mut observation = vec![0.0; task.spaces().observation_dim];
-                task.reset(&mut resets, &mut observation);
-                Lane { resets, noise: seed.stream(Stream::Action, index), observation, episode: Episode::default() }
-            })
-            .collect();
-        Self { tasks, lanes, pass: Pass::default() }
+    pub fn new(tasks: Vec<Task>, seed: Seed) -> Self {
+        let lane = |(index, mut task): (u32, Task)| {
+            let mut resets = seed.stream(Stream::Environment, index);
+            let spaces = task.spaces();
+            let mut observation = vec![0.0; spaces.observation_dim];
+            task.reset(&mut resets, &mut observation);
+            let noise = seed.stream(Stream::Action, index);
+            let last_observation = observation.clone();
+            let own = Own { resets, noise, observation, episode: Episode::default() };
+            Lane { task, own, action: vec![0.0; spaces.action_dim], stepped: None, last_observation }
+        };
+        let threads = threads::count().min(tasks.len());
+        let mut lanes = (0u32..).zip(tasks).map(lane).collect::<Vec<_>>();
+        // The first group is this thread's.
+        let groups = (1..=threads).rev().map(|left| lanes.split_off(lanes.len() - lanes.len() / left));
+        let mut groups: Vec<_> = groups.collect();
+        groups.reverse();
+        Self { groups, pass: Pass::default() }
     }
 
     /// Steps every environment `steps` times under `agent`'s policy, whose normaliser sees each observation before the
@@ -70,74 +107,39 @@ impl Rollout {
     ///
     /// Errors: the physics failed.
     pub fn collect(&mut self, agent: &mut Agent, steps: usize) -> Result<Collected, EnvError> {
-        let Self { tasks, lanes, pass } = self;
-        let spaces = tasks[0].spaces();
-        let (observation_dim, action_dim) = (spaces.observation_dim, spaces.action_dim);
-        let samples = steps * tasks.len();
-        let mut observations = DMatrix::<f32>::zeros(observation_dim, samples);
-        let mut raw_observations = DMatrix::<f64>::zeros(observation_dim, samples);
-        let mut actions = DMatrix::<f32>::zeros(action_dim, samples);
-        let mut rewards = vec![0.0; samples];
-        let mut segments: Vec<Vec<Segment>> = vec![Vec::new(); tasks.len()];
-        let mut starts: Vec<usize> = (0..tasks.len()).map(|lane| lane * steps).collect();
-        let mut episodes: Vec<Vec<Episode>> = vec![Vec::new(); tasks.len()];
-        let mut inputs = DMatrix::<f32>::zeros(observation_dim, tasks.len());
-        let mut action = vec![0.0; action_dim];
-        let std: Vec<f32> = agent.policy.log_std().iter().map(|s| s.exp()).collect();
-        let mut physics = Duration::ZERO;
-
-        for t in 0..steps {
-            for lane in lanes.iter() {
-                agent.normalizer.update(&lane.observation);
-            }
-            for (lane, input) in lanes.iter().zip(inputs.as_mut_slice().chunks_exact_mut(observation_dim)) {
-                agent.normalizer.normalize(&lane.observation, input);
-            }
-            agent.policy.forward(&inputs, pass);
-            let means = pass.output();
-            for (index, lane) in lanes.iter_mut().enumerate() {
-                let sample = index * steps + t;
-                for (row, std) in std.iter().enumerate() {
-                    let noise: f32 = StandardNormal.sample(&mut lane.noise);
-                    actions[(row, sample)] = means[(row, index)] + std * noise;
+        let [own, others @ ..] = self.groups.as_mut_slice() else { unreachable!("a run has an environment") };
+        let pass = &mut self.pass;
+        thread::scope(|scope| {
+            // A group goes to its thread to be stepped, and comes back: nobody waits for a lock, and no lane is shared.
+            let workers: Vec<_> = others
+                .iter()
+                .map(|_| {
+                    let (to_worker, work) = mpsc::channel::<Vec<Lane>>();
+                    let (done, from_worker) = mpsc::channel();
+                    scope.spawn(move || {
+                        for mut group in work {
+                            group.iter_mut().for_each(Lane::step);
+                            if done.send(group).is_err() {
+                                return;
+                            }
+                        }
+                    });
+                    (to_worker, from_worker)
+                })
+                .collect();
+            let step = |own: &mut Vec<Lane>, others: &mut [Vec<Lane>]| {
+                for ((to_worker, _), group) in workers.iter().zip(&mut *others) {
+                    to_worker
+                        .send(mem::take(group))
+                        .expect("a thread that steps environments lives as long as the rollout");
                 }
-            }
-            for (index, lane) in lanes.iter().enumerate() {
-                let sample = index * steps + t;
-                observations.column_mut(sample).copy_from(&inputs.column(index));
-                raw_observations.column_mut(sample).copy_from_slice(&lane.observation);
-            }
-            let began = Instant::now();
-            for (index, (task, lane)) in tasks.iter_mut().zip(lanes.iter_mut()).enumerate() {
-                let sample = index * steps + t;
-                action.iter_mut().zip(actions.column(sample).iter()).for_each(|(a, &sampled)| *a = f64::from(sampled));
-                let transition = task.step(&action, &mut lane.observation)?;
-                rewards[sample] = transition.reward;
-                lane.episode.dense_return += transition.dense_reward;
-                lane.episode.training_return += transition.reward;
-                lane.episode.length += 1;
-                if let Some(end) = transition.end {
-                    let end = match end {
-                        EpisodeEnd::Terminated => SegmentEnd::Terminated,
-                        EpisodeEnd::Truncated => bootstrapped(agent, &lane.observation),
-                    };
-                    segments[index].push(Segment { range: starts[index]..sample + 1, end });
-                    starts[index] = sample + 1;
-                    episodes[index].push(std::mem::take(&mut lane.episode));
-                    task.reset(&mut lane.resets, &mut lane.observation);
+                own.iter_mut().for_each(Lane::step);
+                for ((_, from_worker), group) in workers.iter().zip(others) {
+                    *group = from_worker.recv().expect("a thread that steps environments lives as long as the rollout");
                 }
-            }
-            physics += began.elapsed();
-        }
-        for (index, lane) in lanes.iter().enumerate() {
-            let end = (index + 1) * steps;
-            if starts[index] < end {
-                let end_of_segment = bootstrapped(agent, &lane.observation);
-                segments[index].push(Segment { range: starts[index]..end, end: end_of_segment });
-            }
-        }
-        let batch = Batch { observations, raw_observations, actions, rewards, segments: segments.concat() };
-        Ok(Collected { batch, episodes: episodes.concat(), physics })
+            };
+            collect(agent, own, others, pass, steps, step)
+        })
     }
 
     /// Takes the steps of `batch` again, from the state in which its rollout began, with the physics alone: what
@@ -145,18 +147,18 @@ impl Rollout {
     ///
     /// Errors: the physics failed.
     pub fn replay(&mut self, batch: &Batch) -> Result<(), EnvError> {
-        let Self { tasks, lanes, .. } = self;
-        let steps = batch.len() / tasks.len();
+        let mut lanes: Vec<&mut Lane> = self.groups.iter_mut().flatten().collect();
+        let steps = batch.len() / lanes.len();
         let mut action = vec![0.0; batch.actions.nrows()];
         for Segment { range, .. } in &batch.segments {
             let index = range.start / steps;
-            let (task, lane) = (&mut tasks[index], &mut lanes[index]);
+            let Lane { task, own, .. } = &mut *lanes[index];
             for column in batch.actions.columns_range(range.clone()).column_iter() {
                 action.iter_mut().zip(column.iter()).for_each(|(a, &sampled)| *a = f64::from(sampled));
                 task.advance(&action)?;
             }
             if range.end < (index + 1) * steps {
-                task.reset(&mut lane.resets, &mut lane.observation);
+                task.reset(&mut own.resets, &mut own.observation);
             }
         }
         Ok(())
@@ -164,25 +166,107 @@ impl Rollout {
 
     /// Everything the next rollout depends on, the agent apart.
     pub fn save(&self) -> RolloutState {
-        RolloutState { lanes: self.lanes.clone(), tasks: self.tasks.iter().map(Task::save).collect() }
+        let lanes = || self.groups.iter().flatten();
+        RolloutState {
+            lanes: lanes().map(|lane| lane.own.clone()).collect(),
+            tasks: lanes().map(|lane| lane.task.save()).collect(),
+        }
     }
 
     /// Puts back what [`save`](Rollout::save) gave.
     ///
     /// Errors: the state is of other environments.
     pub fn restore(&mut self, state: RolloutState) -> Result<(), EnvError> {
-        for (task, saved) in self.tasks.iter_mut().zip(&state.tasks) {
-            task.restore(saved)?;
+        let saved = state.lanes.into_iter().zip(&state.tasks);
+        for (lane, (own, task)) in self.groups.iter_mut().flatten().zip(saved) {
+            lane.task.restore(task)?;
+            lane.own = own;
         }
-        self.lanes = state.lanes;
         Ok(())
     }
+}
+
+/// [`Rollout::collect`], where `step` steps all lanes, those of `own` and those of the `others`.
+fn collect(
+    agent: &mut Agent,
+    own: &mut Vec<Lane>,
+    others: &mut [Vec<Lane>],
+    pass: &mut Pass,
+    steps: usize,
+    step: impl Fn(&mut Vec<Lane>, &mut [Vec<Lane>]),
+) -> Result<Collected, EnvError> {
+    let spaces = own[0].task.spaces();
+    let (observation_dim, action_dim) = (spaces.observation_dim, spaces.action_dim);
+    let count = own.len() + others.iter().map(Vec::len).sum::<usize>();
+    let samples = steps * count;
+    let mut observations = DMatrix::<f32>::zeros(observation_dim, samples);
+    let mut raw_observations = DMatrix::<f64>::zeros(observation_dim, samples);
+    let mut actions = DMatrix::<f32>::zeros(action_dim, samples);
+    let mut rewards = vec![0.0; samples];
+    let mut segments: Vec<Vec<Segment>> = vec![Vec::new(); count];
+    let mut starts: Vec<usize> = (0..count).map(|lane| lane * steps).collect();
+    let mut episodes: Vec<Vec<Episode>> = vec![Vec::new(); count];
+    let mut inputs = DMatrix::<f32>::zeros(observation_dim, count);
+    let std: Vec<f32> = agent.policy.log_std().iter().map(|s| s.exp()).collect();
+    let mut physics = Duration::ZERO;
+
+    for t in 0..steps {
+        for lane in own.iter().chain(others.iter().flatten()) {
+            agent.normalizer.update(&lane.own.observation);
+        }
+        let lanes = own.iter().chain(others.iter().flatten());
+        for (lane, input) in lanes.zip(inputs.as_mut_slice().chunks_exact_mut(observation_dim)) {
+            agent.normalizer.normalize(&lane.own.observation, input);
+        }
+        agent.policy.forward(&inputs, pass);
+        let means = pass.output();
+        for (index, lane) in own.iter_mut().chain(others.iter_mut().flatten()).enumerate() {
+            let sample = index * steps + t;
+            observations.column_mut(sample).copy_from(&inputs.column(index));
+            raw_observations.column_mut(sample).copy_from_slice(&lane.own.observation);
+            for (row, (std, action)) in std.iter().zip(&mut lane.action).enumerate() {
+                let noise: f32 = StandardNormal.sample(&mut lane.own.noise);
+                actions[(row, sample)] = means[(row, index)] + std * noise;
+                *action = f64::from(actions[(row, sample)]);
+            }
+        }
+        let began = Instant::now();
+        step(own, others);
+        physics += began.elapsed();
+        for (index, lane) in own.iter_mut().chain(others.iter_mut().flatten()).enumerate() {
+            let sample = index * steps + t;
+            let transition = lane.stepped.take().expect("every lane has been stepped")?;
+            let episode = &mut lane.own.episode;
+            rewards[sample] = transition.reward;
+            episode.dense_return += transition.dense_reward;
+            episode.training_return += transition.reward;
+            episode.length += 1;
+            if let Some(end) = transition.end {
+                let end = match end {
+                    EpisodeEnd::Terminated => SegmentEnd::Terminated,
+                    EpisodeEnd::Truncated => bootstrapped(agent, &lane.last_observation),
+                };
+                segments[index].push(Segment { range: starts[index]..sample + 1, end });
+                starts[index] = sample + 1;
+                episodes[index].push(mem::take(episode));
+            }
+        }
+    }
+    for (index, lane) in own.iter().chain(others.iter().flatten()).enumerate() {
+        let end = (index + 1) * steps;
+        if starts[index] < end {
+            let end_of_segment = bootstrapped(agent, &lane.own.observation);
+            segments[index].push(Segment { range: starts[index]..end, end: end_of_segment });
+        }
+    }
+    let batch = Batch { observations, raw_observations, actions, rewards, segments: segments.concat() };
+    Ok(Collected { batch, episodes: episodes.concat(), physics })
 }
 
 /// A saved [`Rollout`].
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct RolloutState {
-    lanes: Vec<Lane>,
+    lanes: Vec<Own>,
     tasks: Vec<Vec<f64>>,
 }
 
@@ -223,9 +307,10 @@ mod tests {
         let collected = first.collect(&mut agent, 100).expect("physics");
         assert!(collected.episodes.len() >= 3, "an untrained hopper falls soon");
         second.replay(&collected.batch).expect("physics");
-        for (index, (one, other)) in first.tasks.iter().zip(&second.tasks).enumerate() {
-            assert!(first.lanes[index].episode.length > 0, "this seed's rollout ends within all three episodes");
-            assert_eq!(one.pose(), other.pose(), "environment {index}");
+        let lanes = first.groups.iter().flatten().zip(second.groups.iter().flatten());
+        for (index, (one, other)) in lanes.enumerate() {
+            assert!(one.own.episode.length > 0, "this seed's rollout ends within all three episodes");
+            assert_eq!(one.task.pose(), other.task.pose(), "environment {index}");
         }
     }
 }

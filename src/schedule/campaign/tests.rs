@@ -81,8 +81,14 @@ fn crashes() -> Life {
     vec![began(), exited("killed by signal 6 (SIGABRT)")]
 }
 
-const OPTIONS: Options =
-    Options { jobs: 2, retries: 0, fail_fast: false, hang_timeout: Duration::from_secs(60), verbose: false };
+const OPTIONS: Options = Options {
+    jobs: 2,
+    threads: None,
+    retries: 0,
+    fail_fast: false,
+    hang_timeout: Duration::from_secs(60),
+    verbose: false,
+};
 
 /// Runs `count` runs by the script in a folder of their own, and gives what became of them.
 fn play(script: &mut Script, options: Options, count: u64) -> (Summary, Vec<Planned>, tempfile::TempDir) {
