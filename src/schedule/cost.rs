@@ -33,33 +33,33 @@ fn key(spec: &RunSpec) -> (EnvId, String) {
     (spec.env, spec.algorithm_name().to_owned())
 }
 
-/// Seconds of one environment step on one core of 2026 (frame skip included).
+/// Seconds of one environment step on one core (frame skip included), as `mcpo-run bench` measures them in 2026.
 fn physics_seconds(env: EnvId) -> f64 {
     1e-6 * match env {
-        EnvId::MountainCar => 1.0,
-        EnvId::InvertedPendulum => 44.0,
-        EnvId::InvertedDoublePendulum => 80.0,
-        EnvId::HalfCheetah => 60.0,
-        EnvId::Hopper => 160.0,
-        EnvId::Walker2d => 244.0,
-        EnvId::Ant => 445.0,
+        EnvId::MountainCar => 0.03,
+        EnvId::InvertedPendulum => 9.0,
+        EnvId::InvertedDoublePendulum => 29.0,
+        EnvId::HalfCheetah => 25.0,
+        EnvId::Hopper => 58.0,
+        EnvId::Walker2d => 82.0,
+        EnvId::Ant => 167.0,
     }
 }
 
 /// Seconds that the networks take for one environment step.
 fn network_seconds(spec: &RunSpec) -> f64 {
-    // Passes over a network, forward or backward, that one step's sample goes through: ten epochs of two networks, or
-    // twenty products of conjugate gradient and the value network's epochs.
+    // Forward passes, or what takes as many operations, that one step's sample goes through: ten epochs of two networks
+    // there and back, or twenty products of conjugate gradient, each two, and the value network's epochs.
     let passes = match spec.algorithm_name() {
         "random" => return 0.0,
-        "mcpo" | "trpo" | "mmd_il" => 110.0,
+        "mcpo" | "trpo" | "mmd_il" => 80.0,
         _ => 60.0,
     };
     let hidden: Vec<f64> = spec.network.hidden.iter().map(|width| width.get() as f64).collect();
     let inside: f64 = hidden.windows(2).map(|pair| pair[0] * pair[1]).sum();
     let outside = 20.0 * hidden.iter().sum::<f64>(); // an input and an output of some 20 numbers
     let operations = 2.0 * (inside + outside) * passes;
-    operations / 5e10 // f32 operations per second on one core
+    operations / 1e11 // f32 operations per second on one core
 }
 
 #[cfg(test)]

@@ -16,6 +16,7 @@ struct Script {
     told: VecDeque<(usize, Message)>,
     running: Vec<usize>,
     started: Vec<usize>,
+    threads: Vec<usize>,
     most: usize,
     stopped: Vec<usize>,
     /// Asks for a stop when so many jobs have been started.
@@ -33,6 +34,7 @@ impl Executor for Script {
     fn start(&mut self, number: usize, job: &Job) -> io::Result<()> {
         assert!(job.stamp.fingerprint.ends_with(&number.to_string()), "another run's job");
         self.started.push(number);
+        self.threads.push(job.threads);
         self.running.push(number);
         self.most = self.most.max(self.running.len());
         let life = self.lives.get_mut(&number).and_then(VecDeque::pop_front);
@@ -98,6 +100,20 @@ fn play(script: &mut Script, options: Options, count: u64) -> (Summary, Vec<Plan
     let mut progress = Progress::new(Style::Quiet, false, due.len(), 1.0);
     let summary = run(&due, folder.path(), options, &CostModel::default(), script, &stop, &mut progress);
     (summary, due, folder)
+}
+
+#[test]
+fn places_that_no_run_will_take_become_threads_of_those_that_start() {
+    for (jobs, threads, count, expected) in [
+        (2, None, 3, vec![1, 1, 1]),
+        (8, None, 2, vec![4, 4]),
+        (8, None, 3, vec![2, 2, 2]),
+        (4, Some(3), 2, vec![3, 3]),
+    ] {
+        let mut script = Script::default();
+        play(&mut script, Options { jobs, threads, ..OPTIONS }, count);
+        assert_eq!(script.threads, expected, "{count} runs in {jobs} places");
+    }
 }
 
 #[test]
