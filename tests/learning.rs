@@ -136,7 +136,7 @@ fn mcpo_reaches_the_goal_by_its_constraint_from_the_rollout_too() {
 fn gail_balances_by_its_discriminator_alone() {
     let gail = "algorithms.gail.discriminator.learning_rate = 3e-3\nalgorithms.gail.policy_update = \"ppo\"";
     let (start, end) = returns("gail", "InvertedPendulum-v2", &format!("{UNPAID}\n{gail}\n{}", fast("gail.ppo")));
-    assert!(start < 50.0 && end > 300.0.0.0, "from {start} to {end}");
+    assert!(start < 50.0 && end > 300.0, "from {start} to {end}");
 }
 
 /// States above actions.

@@ -5,14 +5,15 @@
 //! (the KL after an update, the discriminator's loss). Knows nothing of how long an operation takes. Start at
 //! [`of_iteration`].
 //!
-//! A network of weights P, of which P_1 are the first layer's, takes for each sample
+//! A network of weights P, of which P_1 are the first layer's and P_L the last's, with A outputs and hidden layers of h_1 to
+//! h_k, takes for each sample
 //!
 //! | | operations | since |
 //! |---|---|---|
 //! | forward pass | 2 P | |
 //! | VJP | 4 P - 2 P_1 | weights' gradient, and the way back but for the last step |
-//! | JVP | 4 P - 2 P_1 | both factors of each product have a derivative, but the input has none |
-//! | Fisher product | 8 P - 4 P_1 | a JVP and a VJP, on activations that are there |
+//! | sensitivities | 2 A sum h_l h_l+1 | the outputs' derivatives by the lower hidden layers' sums, once for all products |
+//! | Fisher product | 4 P + 4 P_L + 4 A (h_1 + ... + h_k-1) | there and back through the sensitivities |
 //!
 //! and n points of d numbers against m others take 2 d n m for their kernel values, and as much again, twice among
 //! themselves, for the gradient. The activations of the rollout's pass are taken to be kept: the gradient of the surrogate and
@@ -78,30 +79,35 @@ struct Network {
     weights: f64,
     /// P_1.
     first: f64,
+    /// Of a Fisher product, and what it needs once.
+    fisher_product: f64,
+    sensitivities: f64,
 }
 
 impl Network {
     fn new(input: usize, hidden: &[usize], output: usize) -> Self {
         let widths = [&[input], hidden, &[output]].concat();
         let weights = |layer: &[usize]| (layer[0] * layer[1]) as f64;
-        Self { weights: widths.windows(2).map(weights).sum(), first: weights(&widths[..2]) }
+        let (all, last) = (widths.windows(2).map(weights).sum::<f64>(), weights(&widths[widths.len() - 2..]));
+        let lower: usize = hidden.iter().rev().skip(1).sum();
+        Self {
+            weights: all,
+            first: weights(&widths[..2]),
+            fisher_product: 4.0 * (all + last + (output * lower) as f64),
+            sensitivities: 2.0 * output as f64 * hidden.windows(2).map(weights).sum::<f64>(),
+        }
     }
 
     fn forward(self) -> f64 {
         2.0 * self.weights
     }
 
-    /// The same for a JVP.
     fn vjp(self) -> f64 {
         4.0 * self.weights - 2.0 * self.first
     }
 
     fn forward_and_vjp(self) -> f64 {
         self.forward() + self.vjp()
-    }
-
-    fn fisher_product(self) -> f64 {
-        2.0 * self.vjp()
     }
 }
 
@@ -206,8 +212,9 @@ impl<'a> Counter<'a> {
     /// Conjugate gradient, and the policy's passes of the line search.
     fn trust_region(&self, trials: f64) -> Vec<Part> {
         let products = self.update.cg_iterations.unwrap_or(0) as f64;
+        let once = if products > 0.0 { self.policy.sensitivities } else { 0.0 };
         vec![
-            ("Fisher products", products * self.n * self.policy.fisher_product()),
+            ("Fisher products", self.n * (products * self.policy.fisher_product + once)),
             ("line search", trials * self.n * self.policy.forward()),
         ]
     }
@@ -256,7 +263,8 @@ mod tests {
     use crate::{env::EnvId, quantity::constant};
 
     /// A policy of 3 x 5 x 4 x 2: P = 15 + 20 + 8 = 43, P_1 = 15. A value network of 3 x 5 x 4 x 1: P = 39. Forward passes
-    /// of 86 and 78 operations, VJPs of 142 and 126, Fisher products of 284.
+    /// of 86 and 78 operations, VJPs of 142 and 126, Fisher products of 244 after 80
+    /// for the sensitivities.
     fn shapes() -> Shapes {
         Shapes { observation: 3, action: 2, hidden: vec![5, 4], environments: 2, rollout: 10, demonstration: 6 }
     }
@@ -287,7 +295,7 @@ mod tests {
             ("policy inference", 860.0),
             ("values", 13.0 * 78.0),
             ("surrogate gradient", 1420.0),
-            ("Fisher products", 9.0 * 2840.0),
+            ("Fisher products", 9.0 * 2440.0 + 800.0),
             ("line search", 3.0 * 860.0),
             ("value epochs", 20.0 * 204.0),
         ];
@@ -309,7 +317,7 @@ mod tests {
         let case = |case: &str| Update { case: Some(case.to_owned()), step_fraction: Some(0.0), ..Update::default() };
         let active = Update { step_fraction: Some(0.5), cg_iterations: Some(20), ..case("active") };
         assert_eq!(of(active.clone(), "mimicry"), Some(step + 2.0 * (6.0 * 86.0 + 540.0)));
-        assert_eq!(of(active.clone(), "Fisher products"), Some(20.0 * 2840.0));
+        assert_eq!(of(active.clone(), "Fisher products"), Some(20.0 * 2440.0 + 800.0));
         assert_eq!(of(active, "recovery"), None);
         let infeasible = Update { recovery_steps: Some(4), ..case("infeasible") };
         assert_eq!(of(infeasible.clone(), "mimicry"), Some(step));
