@@ -64,7 +64,10 @@ pub fn run(arguments: &ReproduceArguments) -> anyhow::Result<ExitCode> {
     let how = match exactness {
         Exactness::Bits => "to the bit".to_owned(),
         Exactness::FirstIteration => {
-            format!("within {TOLERANCE} in the first iteration, since it was computed on {}", stamp.build.cpu_class)
+            format!(
+                "within {TOLERANCE} in the first iteration, since it was computed in another numeric class: {}, {}",
+                stamp.build.cpu_class, stamp.build.versions
+            )
         }
     };
     print(&match difference {
