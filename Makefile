@@ -16,7 +16,7 @@ ci-results: build
 	target/release/mcpo-run verify experiments/ci.toml --against results/ci --record
 
 build: setup
-	@test -x target/release/mcpo-run || echo "building: about 4 minutes on two cores the first time, most of it polars" >&2
+	@test -x target/release/mcpo-run || echo "building: about 3 minutes on two cores the first time, most of it polars" >&2
 	cargo build --release
 
 setup:

@@ -19,7 +19,7 @@ mod write;
 use std::io;
 
 pub use curve::{Curve, CurveData, Panel, Point};
-pub use figure::picture;
+pub use figure::{BLACK, PALETTE, picture};
 pub use recorded::{Evaluation, Recording, Run, State, load};
 pub use table::{Best, Cell, Row, TableData, Verdict};
 pub use text::terminal;

@@ -3,7 +3,10 @@
 use super::show::Rewards;
 use crate::{
     demo::Demonstration,
-    report::picture::{Anchor, Color, Picture, Shape, Text},
+    report::{
+        BLACK, PALETTE,
+        picture::{Anchor, Color, Picture, Shape, Text},
+    },
 };
 
 /// Episodes that are drawn; more would hide each other.
@@ -19,17 +22,7 @@ const RIGHT: f64 = WIDTH - 16.0;
 const PANEL: f64 = 78.0;
 const GAP: f64 = 24.0;
 const SIZE: f64 = 10.0;
-const BLACK: Color = [0x20, 0x20, 0x20];
 const LIGHT: Color = [0xc8, 0xc8, 0xc8];
-/// Okabe and Ito (2008), without yellow.
-const COLORS: [Color; 6] = [
-    [0x00, 0x72, 0xb2],
-    [0xd5, 0x5e, 0x00],
-    [0x00, 0x9e, 0x73],
-    [0xcc, 0x79, 0xa7],
-    [0xe6, 0x9f, 0x00],
-    [0x56, 0xb4, 0xe9],
-];
 
 /// One quantity over the steps of each episode.
 struct Panel {
@@ -117,7 +110,7 @@ fn draw(panel: &Panel, longest: usize, top: f64) -> Vec<Shape> {
         let points = vec![(LEFT, at(0, 0.0).1), (RIGHT, at(0, 0.0).1)];
         shapes.push(Shape::Line { points, width: 0.8, color: LIGHT });
     }
-    for (episode, color) in panel.episodes.iter().zip(COLORS.iter().cycle()) {
+    for (episode, color) in panel.episodes.iter().zip(PALETTE.iter().cycle()) {
         let stride = episode.len().div_ceil(POINTS);
         let mut points: Vec<_> = episode.iter().enumerate().step_by(stride).map(|(i, &value)| at(i, value)).collect();
         if let [only] = points[..] {

@@ -7,11 +7,13 @@ pub mod picture;
 mod style;
 mod ticks;
 
+pub use style::{BLACK, PALETTE};
+
 use picture::{Anchor, Picture, Shape, Text, text_width};
 
 use super::curve::{Curve, CurveData, SEEDS_FOR_BAND};
 use panel::Frame;
-use style::{BLACK, GREY, Look, NOTE_SIZE, SIZE, TITLE_SIZE};
+use style::{GREY, Look, NOTE_SIZE, SIZE, TITLE_SIZE};
 
 const MARGIN: f64 = 10.0;
 const LINE: f64 = 1.35; // of a text's size

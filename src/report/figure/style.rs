@@ -18,8 +18,8 @@ pub const GREY: Color = [0x60, 0x60, 0x60];
 /// The lines behind the curves.
 pub const LIGHT: Color = [0xe6, 0xe6, 0xe6];
 
-/// Okabe and Ito (2008), without their yellow, which is too light for a line on white.
-const PALETTE: [Color; 7] = [
+/// The curves' colours: Okabe and Ito (2008), without their yellow, which is too light for a line on white.
+pub const PALETTE: [Color; 7] = [
     [0x00, 0x72, 0xb2],
     [0xd5, 0x5e, 0x00],
     [0x00, 0x9e, 0x73],
