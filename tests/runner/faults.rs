@@ -7,8 +7,8 @@ use mcpo_run::record::{Claim, Outcome, RunPaths};
 
 /// One run.
 const ONE: [&str; 5] = ["tiny.toml", "--only", "env=InvertedPendulum-v2,seed=0", "--results", "disturbed"];
-/// Steps that take long enough to be disturbed.
-const LONG: u64 = 16_384;
+/// Steps that take long enough to be disturbed, and not to end between two disturbances.
+const LONG: u64 = 65_536;
 
 /// The bench, with the undisturbed run recorded in `whole`.
 fn with_whole_run() -> Workbench {
@@ -74,7 +74,7 @@ fn a_signal_stops_cleanly_and_the_same_command_goes_on() {
         assert!(!paths.complete.exists() && RunPaths::checkpoint(&paths.partial).exists());
     }
     let (stdout, _) = bench.expect(0, &["status", "tiny.toml", "--results", "disturbed"]);
-    assert!(stdout.contains("1 interrupted") && stdout.contains("16,384 steps"), "{stdout}");
+    assert!(stdout.contains("1 interrupted") && stdout.contains("65,536 steps"), "{stdout}");
     bench.expect(0, &ONE);
     assert_same_run(&bench);
 }
