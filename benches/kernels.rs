@@ -122,6 +122,7 @@ fn advantages(criterion: &mut Criterion) {
     };
     let batch = Batch {
         raw_observations: DMatrix::zeros(OBSERVATION, 0),
+        means: DMatrix::zeros(ACTION, 0),
         actions: random(ACTION, N),
         rewards: vec![1.0; N],
         segments: (0..N).step_by(N / 8).map(segment).collect(),

@@ -29,13 +29,14 @@ pub fn batch(agent: &Agent, n: usize, reward: impl Fn(f64, f64) -> f64, rng: &mu
     let mut pass = Pass::default();
     agent.policy.forward(&observations, &mut pass);
     let std = agent.policy.log_std()[0].exp();
-    let actions = DMatrix::from_fn(1, n, |_, i| {
+    let means = pass.output().into_owned();
+    let actions = means.map(|mean| {
         let noise: f32 = StandardNormal.sample(rng);
-        pass.output()[(0, i)] + std * noise
+        mean + std * noise
     });
     let rewards = raw.iter().zip(&actions).map(|(&s, &a)| reward(s, a.into())).collect();
     let segments = (0..n).map(|i| Segment { range: i..i + 1, end: SegmentEnd::Terminated }).collect();
-    Batch { raw_observations: observations.map(f64::from), observations, actions, rewards, segments }
+    Batch { raw_observations: observations.map(f64::from), observations, means, actions, rewards, segments }
 }
 
 /// A demonstration of `m` steps with the action `action(observation)`.

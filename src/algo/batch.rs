@@ -11,7 +11,9 @@ pub struct Batch {
     pub observations: DMatrix<f32>,
     /// The same as the environments gave them `[observation_dim x n]`.
     pub raw_observations: DMatrix<f64>,
-    /// Actions as sampled, unclamped `[action_dim x n]`.
+    /// The policy's mean actions `[action_dim x n]`; the same bits as its forward pass on `observations` gives.
+    pub means: DMatrix<f32>,
+    /// Actions as sampled around them, unclamped `[action_dim x n]`.
     pub actions: DMatrix<f32>,
     /// The rewards that are trained on `[n]`.
     pub rewards: Vec<f64>,

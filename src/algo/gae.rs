@@ -87,6 +87,7 @@ mod tests {
         Batch {
             raw_observations: DMatrix::zeros(1, 0),
             observations,
+            means: DMatrix::zeros(1, 0),
             actions: DMatrix::zeros(1, 7),
             rewards: vec![1.0, -2.0, 0.5, 3.0, 0.0, 1.5, -1.0],
             segments: vec![

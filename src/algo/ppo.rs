@@ -184,10 +184,8 @@ impl OnPolicy for Ppo {
         watch.lap("advantages");
 
         let mut old_densities = vec![0.0; batch.len()];
-        agent.policy.forward(&batch.observations, &mut buffers.pass);
-        let old_means = buffers.pass.output().into_owned();
+        agent.policy.log_densities(batch.means.as_view(), &batch.actions, &mut old_densities);
         let old_log_std = agent.policy.log_std().to_vec();
-        agent.policy.log_densities(old_means.as_view(), &batch.actions, &mut old_densities);
 
         let mut order: Vec<usize> = (0..batch.len()).collect();
         let mut clipped = 0;
@@ -217,7 +215,7 @@ impl OnPolicy for Ppo {
         watch.lap("value");
 
         agent.policy.forward(&batch.observations, &mut buffers.pass);
-        let kl = agent.policy.kl_from(old_means.as_view(), &old_log_std, buffers.pass.output());
+        let kl = agent.policy.kl_from(batch.means.as_view(), &old_log_std, buffers.pass.output());
         watch.lap("diagnostics");
         tracing::debug!(steps, kl, value_loss, "ppo");
         Ok(Update {

@@ -95,10 +95,14 @@ impl Reference {
 
     /// An episode that terminated, one that the time limit cut, and one that the rollout's end cut.
     pub fn batch(&self) -> Batch {
+        let observations = columns(&self.observations).map(|x| x as f32);
+        let mut pass = crate::nn::Pass::default();
+        self.agent(&self.policy).policy.forward(&observations, &mut pass);
         let [cut, end] = [0, 1].map(|i| SegmentEnd::Bootstrapped { last_observation: self.gae.last[i].clone() });
         Batch {
             raw_observations: columns(&self.observations),
-            observations: columns(&self.observations).map(|x| x as f32),
+            observations,
+            means: pass.output().into_owned(),
             actions: columns(&self.actions).map(|x| x as f32),
             rewards: self.gae.rewards.clone(),
             segments: vec![

@@ -48,7 +48,6 @@ pub fn search<V>(
 pub struct Surrogate<'a> {
     batch: &'a Batch,
     advantages: &'a [f64],
-    old_means: DMatrix<f32>,
     old_log_std: Vec<f32>,
     old_densities: Vec<f64>,
 }
@@ -70,13 +69,7 @@ impl<'a> Surrogate<'a> {
         policy.forward(&batch.observations, pass);
         let mut old_densities = vec![0.0; batch.len()];
         policy.log_densities(pass.output(), &batch.actions, &mut old_densities);
-        Self {
-            batch,
-            advantages,
-            old_means: pass.output().into_owned(),
-            old_log_std: policy.log_std().to_vec(),
-            old_densities,
-        }
+        Self { batch, advantages, old_log_std: policy.log_std().to_vec(), old_densities }
     }
 
     /// The gradient of L at the old policy `[dim]`; `pass` is as [`new`](Surrogate::new) left it.
@@ -103,7 +96,7 @@ impl<'a> Surrogate<'a> {
             *ratio = (*ratio - old).exp();
             gain += (*ratio - 1.0) * advantage;
         }
-        let kl = trial.kl_from(self.old_means.as_view(), &self.old_log_std, pass.output());
+        let kl = trial.kl_from(self.batch.means.as_view(), &self.old_log_std, pass.output());
         Trial { gain: gain / self.batch.len() as f64, kl, ratios }
     }
 }

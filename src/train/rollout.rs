@@ -201,6 +201,7 @@ fn collect(
     let samples = steps * count;
     let mut observations = DMatrix::<f32>::zeros(observation_dim, samples);
     let mut raw_observations = DMatrix::<f64>::zeros(observation_dim, samples);
+    let mut means = DMatrix::<f32>::zeros(action_dim, samples);
     let mut actions = DMatrix::<f32>::zeros(action_dim, samples);
     let mut rewards = vec![0.0; samples];
     let mut segments: Vec<Vec<Segment>> = vec![Vec::new(); count];
@@ -219,14 +220,14 @@ fn collect(
             agent.normalizer.normalize(&lane.own.observation, input);
         }
         agent.policy.forward(&inputs, pass);
-        let means = pass.output();
         for (index, lane) in own.iter_mut().chain(others.iter_mut().flatten()).enumerate() {
             let sample = index * steps + t;
             observations.column_mut(sample).copy_from(&inputs.column(index));
             raw_observations.column_mut(sample).copy_from_slice(&lane.own.observation);
+            means.column_mut(sample).copy_from(&pass.output().column(index));
             for (row, (std, action)) in std.iter().zip(&mut lane.action).enumerate() {
                 let noise: f32 = StandardNormal.sample(&mut lane.own.noise);
-                actions[(row, sample)] = means[(row, index)] + std * noise;
+                actions[(row, sample)] = means[(row, sample)] + std * noise;
                 *action = f64::from(actions[(row, sample)]);
             }
         }
@@ -259,7 +260,7 @@ fn collect(
             segments[index].push(Segment { range: starts[index]..end, end: end_of_segment });
         }
     }
-    let batch = Batch { observations, raw_observations, actions, rewards, segments: segments.concat() };
+    let batch = Batch { observations, raw_observations, means, actions, rewards, segments: segments.concat() };
     Ok(Collected { batch, episodes: episodes.concat(), physics })
 }
 
@@ -296,6 +297,17 @@ mod tests {
     fn rollout(lanes: usize) -> Rollout {
         let task = || Task::new(EnvId::Hopper, Reward::Dense, 1000).expect("a task");
         Rollout::new((0..lanes).map(|_| task()).collect(), Seed(0))
+    }
+
+    #[test]
+    fn means_have_the_bits_of_a_pass_on_the_whole_batch() {
+        let mut agent = agent();
+        for lanes in [1, 3] {
+            let batch = rollout(lanes).collect(&mut agent, 50).expect("physics").batch;
+            let mut pass = Pass::default();
+            agent.policy.forward(&batch.observations, &mut pass);
+            assert_eq!(batch.means, pass.output());
+        }
     }
 
     #[test]
