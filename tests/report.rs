@@ -44,8 +44,14 @@ fn record(spec: &RunSpec, results: &Path, end: Result<f64, &str>) {
     fs::create_dir_all(&paths.complete).expect("made");
     let json = serde_json::to_value(spec).expect("a specification serialises");
     let build = Build::current(serde_json::Value::Null);
-    let mut manifest =
-        Manifest::new(Stamp { spec: json, fingerprint: "f".into(), demonstration: None, build, origin: None });
+    let mut manifest = Manifest::new(Stamp {
+        spec: json,
+        fingerprint: "f".into(),
+        demonstration: None,
+        demonstrated: None,
+        build,
+        origin: None,
+    });
     manifest.outcome = match end {
         Err(error) => Outcome::Failed { error: error.into(), log_tail: Vec::new() },
         Ok(mean) => {
@@ -140,4 +146,39 @@ fn partial_results_make_a_report_that_says_what_is_missing() {
     assert!(csv.contains("InvertedPendulum-v2,MCPO,1024,0.1,,,1,2"), "{csv}");
     let cells = fs::read_to_string(written.join("returns.csv")).expect("readable");
     assert!(cells.contains("InvertedPendulum-v2,MCPO,900,,,1,2,0,900,"), "{cells}");
+}
+
+/// The program on `small.toml`; what it says on stdout.
+fn call(folder: &Path, arguments: &[&str]) -> String {
+    let mut command = Command::cargo_bin("mcpo-run").expect("the binary is built");
+    let output = command.current_dir(folder).args(arguments).output().expect("it runs");
+    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+#[test]
+fn what_a_demonstration_returned_is_recorded_with_its_runs_and_stands_beside_the_papers() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let demo = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments/demos/InvertedPendulum-v2.parquet");
+    let settings = "evaluation = { every = 4096, episodes = 1, final_episodes = 1 }\nnetwork.hidden = [8]";
+    let matrix = format!("demonstrations = {demo:?}\n{settings}\n{MATRIX}");
+    fs::write(folder.path().join("small.toml"), matrix).expect("written");
+    call(folder.path(), &["run", "small.toml", "--only", "seed=0", "--quiet"]);
+    let cells = || {
+        call(folder.path(), &["report", "small.toml"]);
+        let csv = fs::read_to_string(folder.path().join("results/small/report/returns.csv")).expect("readable");
+        csv.lines().skip(1).map(|line| line.rsplit_once(",4096,").expect("the budget").1.to_owned()).collect::<Vec<_>>()
+    };
+    // As `mcpo-run demo show` prints it; the paper's is Table 3's.
+    assert_eq!(cells(), ["554,553"; 2]);
+    let manifest = folder.path().join("results/small/runs/InvertedPendulum-v2/mcpo/seed-0/run.json");
+    let shown = call(folder.path(), &["show", manifest.to_str().expect("text")]);
+    assert!(shown.contains("demo         1 episode, 554 steps, return 554.0000\n"), "{shown}");
+    // Older programs did not record it.
+    let mut older: serde_json::Value = serde_json::from_slice(&fs::read(&manifest).expect("readable")).expect("JSON");
+    older["stamp"].as_object_mut().expect("an object").remove("demonstrated").expect("it was recorded");
+    fs::write(&manifest, older.to_string()).expect("written");
+    assert_eq!(cells(), [",553"; 2]);
+    let status = call(folder.path(), &["status", "small.toml"]);
+    assert!(status.contains("2 finished"), "{status}");
 }

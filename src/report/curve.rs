@@ -12,7 +12,7 @@ use crate::{spec::Figure, stats::t_interval};
 
 use super::{
     ReportError, axis,
-    recorded::{Recording, Run},
+    recorded::{Recording, Run, demonstrated_return},
     reference,
 };
 
@@ -47,7 +47,7 @@ pub struct Panel {
     pub title: String,
     /// One entry a series; `None` where the matrix has no such run.
     pub curves: Vec<Option<Curve>>,
-    /// The demonstration's return, for figures of returns.
+    /// The return of the demonstration that the runs learned from, for figures of returns.
     pub demo: Option<f64>,
 }
 
@@ -104,7 +104,7 @@ impl CurveData {
             Panel {
                 title: env.to_owned(),
                 curves: series.iter().map(curve).collect(),
-                demo: reference::returns(env).map(|row| row.demo).filter(|_| y == "return"),
+                demo: demonstrated_return(&panel.runs).filter(|_| y == "return"),
             }
         });
         Ok(Self {
@@ -297,7 +297,15 @@ mod tests {
         let (half, band) = (4.302652729749464 * 2.0 / 3f64.sqrt(), curve.points[0].band.expect("a band"));
         assert!(close(curve.points[0].mean, 3.0) && close(band.0, 3.0 - half) && close(band.1, 3.0 + half), "{band:?}");
         assert_eq!(curve.paper, Some(1897.69));
-        assert_eq!(data.panels[0].demo, Some(969.71));
+    }
+
+    #[test]
+    fn the_line_of_the_demonstration_is_that_of_the_runs_not_the_papers() {
+        let run = fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 0).finished(&[(10, &[1.0])]).progress("kl", &[(10, 1.0)]);
+        let demo = |y, run: &Run| curves(&figure(y, false), std::slice::from_ref(run)).panels[0].demo;
+        assert_eq!(demo("return", &run), None, "it is not recorded");
+        let run = run.demonstrated(Some("a"), Some(974.5));
+        assert_eq!((demo("return", &run), demo("kl", &run)), (Some(974.5), None));
     }
 
     #[test]

@@ -1,12 +1,12 @@
 //! Made-up runs for the tests of this module.
 
-use std::{collections::BTreeMap, fs, path::Path};
+use std::{fs, path::Path};
 
 use crate::{
     algo::Update,
     plan::plan,
     quantity::constant,
-    record::{Build, Manifest, Outcome, RunPaths, Stamp, rows},
+    record::{Build, Demonstrated, Manifest, Outcome, RunPaths, Stamp, rows},
     spec::{self, Overrides},
     train::{EvaluationEpisode, Iteration},
 };
@@ -63,7 +63,17 @@ impl Run {
             let last = Some(env_steps) == end;
             returns.iter().map(move |&dense_return| Evaluation { env_steps, last, dense_return })
         });
-        self.state = State::Finished(Recording { evaluations: episodes.collect(), progress: BTreeMap::new() });
+        self.state = State::Finished(Recording { evaluations: episodes.collect(), ..Recording::default() });
+        self
+    }
+
+    /// The same, having learned from the demonstration of this digest.
+    pub fn demonstrated(mut self, digest: Option<&str>, mean_return: Option<f64>) -> Self {
+        if let State::Finished(recording) = &mut self.state {
+            recording.demonstration = digest.map(str::to_owned);
+            recording.demonstrated =
+                mean_return.map(|mean| Demonstrated { episodes: 1, steps: 300, mean_return: Some(mean) });
+        }
         self
     }
 
@@ -90,7 +100,15 @@ pub fn record(run: &Run, results: &Path) {
         cpu_class: String::new(),
         libm: String::new(),
     };
-    let stamp = Stamp { spec, fingerprint: "f".into(), demonstration: None, build, origin: None };
+    let recording = run.recording().cloned().unwrap_or_default();
+    let stamp = Stamp {
+        spec,
+        fingerprint: "f".into(),
+        demonstration: recording.demonstration,
+        demonstrated: recording.demonstrated,
+        build,
+        origin: None,
+    };
     let keys = rows::Keys {
         experiment: run.spec.experiment.clone(),
         run: run.spec.id.clone(),

@@ -5,15 +5,15 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::{
     axis,
     recorded::{Run, State},
-    table::Cell,
+    table::{Cell, Row},
 };
 
 /// Below this many seeds an interval says little of the algorithm.
 const ENOUGH_SEEDS: usize = 10;
 
-/// The notes of a table over `runs`, whose cells are `cells`.
-pub fn of_table<'a>(runs: &[&Run], cells: impl Iterator<Item = &'a Cell>) -> Vec<String> {
-    let cells: Vec<&Cell> = cells.collect();
+/// The notes of a table over `runs`, whose rows are `rows`.
+pub fn of_table(runs: &[&Run], rows: &[Row]) -> Vec<String> {
+    let cells: Vec<&Cell> = rows.iter().flat_map(|row| row.cells.iter().flatten()).collect();
     let finished = runs.iter().filter(|run| run.recording().is_some()).count();
     let mut notes = vec![format!("{finished} of {} finished.", count(runs.len(), "run"))];
     notes.push(
@@ -27,6 +27,10 @@ pub fn of_table<'a>(runs: &[&Run], cells: impl Iterator<Item = &'a Cell>) -> Vec
              ours in the same way. Consistent: the paper's value could be one more of our seeds."
                 .to_owned(),
         );
+    }
+    let in_a_column = |row: &Row| row.cells.len() > 1 && row.demo.or(row.paper_demo).is_some();
+    if rows.iter().any(in_a_column) {
+        notes.push("Demo: dense return of the demonstration, the mean over its episodes.".to_owned());
     }
     notes.push(format!("Budget: {} environment steps.", span(runs, |run| run.spec.budget.env_steps.get(), steps)));
     let episodes = span(runs, |run| run.spec.evaluation.final_episodes.get(), |episodes| episodes.to_string());
@@ -107,7 +111,7 @@ mod tests {
             fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 0).failed("out of memory"),
             fixture::ppo("Hopper-v2", 1).finished(&[(100, &[1.0])]),
         ];
-        let notes = of_table(&runs.iter().collect::<Vec<_>>(), [].into_iter()).join("\n");
+        let notes = of_table(&runs.iter().collect::<Vec<_>>(), &[]).join("\n");
         assert!(notes.contains("1 of 2 runs finished."), "{notes}");
         assert!(notes.contains("Budget: 100 environment steps."), "{notes}");
         assert!(notes.contains("Samples of the MMD: MCPO demo_states."), "{notes}");

@@ -19,7 +19,7 @@ use super::{
     axis,
     curve::{CONFIDENCE, mean, paper_value},
     notes,
-    recorded::Run,
+    recorded::{Run, demonstrated_return},
     reference::{self, PaperValue},
 };
 
@@ -51,8 +51,10 @@ pub struct TableData {
 pub struct Row {
     /// The value of each row key; empty where the runs do not have that axis.
     pub labels: Vec<String>,
-    /// The demonstration's return in the paper, where the row is one environment of the paper's.
+    /// The return of the demonstration that the row's runs learned from, where the row is one environment.
     pub demo: Option<f64>,
+    /// The same in the paper, where the table is compared with one of the paper's.
+    pub paper_demo: Option<f64>,
     /// One a column; `None` where the matrix has no such run.
     pub cells: Vec<Option<Cell>>,
 }
@@ -129,14 +131,17 @@ impl TableData {
                 let runs: Vec<&Run> = row.runs.iter().copied().filter(|run| column.runs.contains(run)).collect();
                 (!runs.is_empty()).then(|| Cell::new(table.reference.as_deref(), &runs))
             };
-            let one_env = row_keys.iter().any(|key| key == "env") && table.reference.is_some();
+            let one_env = row_keys.iter().any(|key| key == "env");
+            let paper =
+                reference::returns(row.runs[0].spec.env.name()).filter(|_| one_env && table.reference.is_some());
             Row {
                 labels: row
                     .values
                     .iter()
                     .map(|value| value.as_ref().map_or(String::new(), axis::value_label))
                     .collect(),
-                demo: reference::returns(row.runs[0].spec.env.name()).map(|row| row.demo).filter(|_| one_env),
+                demo: demonstrated_return(&row.runs).filter(|_| one_env),
+                paper_demo: paper.map(|row| row.demo),
                 cells: columns.iter().map(cell).collect(),
             }
         });
@@ -146,7 +151,7 @@ impl TableData {
             row_keys: row_keys.iter().map(|key| axis::key_label(key)).collect(),
             column_key: axis::key_label(&table.columns),
             columns: axis::labels(&column_keys, &columns),
-            notes: notes::of_table(runs, rows.iter().flat_map(|row| row.cells.iter().flatten())),
+            notes: notes::of_table(runs, &rows),
             rows,
         }
     }
@@ -306,6 +311,24 @@ mod tests {
         assert_eq!(data.row_keys, ["d", "ε"]);
         assert_eq!(data.rows.iter().map(|row| row.labels.join(" ")).collect::<Vec<_>>(), ["10⁻³ 10⁻³", "10⁻⁶ 0"]);
         assert_eq!(only_cell(&data).paper.map(|paper| paper.mean), Some(3286.78));
-        assert_eq!(data.rows[0].demo, None);
+        assert_eq!((data.rows[0].demo, data.rows[0].paper_demo), (None, None));
+    }
+
+    #[test]
+    fn the_demonstrations_return_stands_beside_the_papers() {
+        let mcpo = fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 0).finished(&[(100, &[1.0])]);
+        let runs = [fixture::ppo("Hopper-v2", 0).finished(&[(100, &[1.0])]), mcpo];
+        let demos = |table_of: &Table, runs: &[Run]| {
+            let data = table(table_of, runs);
+            let told = data.notes.iter().any(|note| note.starts_with("Demo: "));
+            (data.rows[0].demo, data.rows[0].paper_demo, told)
+        };
+        assert_eq!(demos(&comparison(), &runs), (None, Some(969.71), true), "ours is not recorded");
+        let runs = runs.map(|run| run.demonstrated(Some("a"), Some(974.5)));
+        assert_eq!(demos(&comparison(), &runs), (Some(974.5), Some(969.71), true));
+        assert_eq!(demos(&Table { reference: None, ..comparison() }, &runs), (Some(974.5), None, true));
+        assert_eq!(demos(&comparison(), &runs[1..]), (Some(974.5), Some(969.71), false), "a list has no such column");
+        let by_algorithm = Table { rows: vec!["algorithm".into()], columns: "env".into(), ..comparison() };
+        assert_eq!(demos(&by_algorithm, &runs), (None, None, false), "a row is not one environment");
     }
 }
