@@ -15,7 +15,6 @@ const MATRIX: &str = r#"
 name = "small"
 description = "MCPO and PPO on InvertedPendulum"
 budget.env_steps = 4096
-rollout.steps = 1024
 
 [[matrix]]
 seed = [0, 1]
@@ -171,6 +170,8 @@ fn what_a_demonstration_returned_is_recorded_with_its_runs_and_stands_beside_the
     };
     // As `mcpo-run demo show` prints it; the paper's is Table 3's.
     assert_eq!(cells(), ["554,553"; 2]);
+    let table = fs::read_to_string(folder.path().join("results/small/report/returns.md")).expect("readable");
+    assert!(table.contains("runs that depart from them have none beside them: network.hidden.\n"), "{table}");
     let manifest = folder.path().join("results/small/runs/InvertedPendulum-v2/mcpo/seed-0/run.json");
     let shown = call(folder.path(), &["show", manifest.to_str().expect("text")]);
     assert!(shown.contains("demo         1 episode, 554 steps, return 554.0000\n"), "{shown}");

@@ -23,16 +23,13 @@ pub fn ppo(env: &str, seed: u64) -> Run {
     run("ppo", &format!("env = [{env:?}]\nseed = [{seed}]"))
 }
 
-/// The one run of a matrix of these axes, with small numbers.
-fn run(algorithm: &str, axes: &str) -> Run {
+/// The one run of a matrix of these axes, of 100 steps.
+pub fn run(algorithm: &str, axes: &str) -> Run {
     let text = format!(
         r#"
         name = "made-up"
         description = ""
-        budget.env_steps = 100
-        rollout = {{ steps = 10, environments = 1 }}
-        evaluation = {{ every = 50, episodes = 2, final_episodes = 2 }}
-        algorithms.{algorithm}.minibatch = 10
+        budget.env_steps = 4096
         [[matrix]]
         algorithm = ["{algorithm}"]
         {axes}
@@ -40,7 +37,7 @@ fn run(algorithm: &str, axes: &str) -> Run {
     );
     let spec = spec::parse(Path::new("made-up.toml"), &text, &Overrides::default()).expect("a valid file");
     let spec = plan(&spec).expect("a plan").pop().expect("one run");
-    Run { spec, state: State::Missing }
+    Run { spec, state: State::Missing }.budget(100) // less than a rollout, which no matrix may ask for
 }
 
 impl Run {

@@ -28,6 +28,14 @@ pub fn of_table(runs: &[&Run], rows: &[Row]) -> Vec<String> {
                 .to_owned(),
         );
     }
+    let departures: BTreeSet<&str> = cells.iter().flat_map(|cell| &cell.departures).map(String::as_str).collect();
+    if !departures.is_empty() {
+        let list = departures.into_iter().collect::<Vec<_>>().join(", ");
+        notes.push(format!(
+            "The paper's values are of its setting, which the defaults are as far as it is known; runs that depart from them \
+             have none beside them: {list}."
+        ));
+    }
     let in_a_column = |row: &Row| row.cells.len() > 1 && row.demo.or(row.paper_demo).is_some();
     if rows.iter().any(in_a_column) {
         notes.push("Demo: dense return of the demonstration, the mean over its episodes.".to_owned());

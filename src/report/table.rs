@@ -5,11 +5,15 @@
 //!
 //! # The verdict
 //!
+//! The paper's value stands beside runs of the paper's setting alone: [`Counterpart`] says which those are.
+//!
 //! The paper's number is one policy's: the best of five seeds, over 50 episodes. So it is asked whether it could be one more
 //! of our seeds: it is **consistent** where the paper's 95 % interval over its 50 episodes meets our 95 % prediction
 //! interval for one more seed (the t interval's half-width times sqrt(n + 1)); else ours is **above** or **below**. The best of
 //! five lies above the mean of five, so a verdict of "below" weighs less than one of "above". With fewer than three
 //! finished seeds, or fewer steps than [`reference::assumed_budget`], it is **not comparable**, and the reason is given.
+
+use std::collections::BTreeSet;
 
 use crate::stats::{Interval, t_interval};
 
@@ -17,7 +21,8 @@ use crate::spec::Table;
 
 use super::{
     axis,
-    curve::{CONFIDENCE, mean, paper_value},
+    counterpart::Counterpart,
+    curve::{CONFIDENCE, mean},
     notes,
     recorded::{Run, demonstrated_return},
     reference::{self, PaperValue},
@@ -72,6 +77,8 @@ pub struct Cell {
     pub best: Option<Best>,
     /// The paper's value.
     pub paper: Option<PaperValue>,
+    /// The parameters that are not the paper's, which keep its value away.
+    pub departures: BTreeSet<String>,
     /// Ours against the paper's; `None` where there is nothing to compare.
     pub verdict: Option<Verdict>,
     /// Environment steps of the shortest run.
@@ -173,10 +180,9 @@ impl Cell {
             episodes: returns.len(),
         });
         let ours = t_interval(&means, CONFIDENCE);
-        let paper = match reference {
-            Some("table5") => paper_value(runs[0], true),
-            Some(_) => paper_value(runs[0], false),
-            None => None,
+        let Counterpart { value: paper, departures } = match reference {
+            Some(reference) => Counterpart::of(runs, reference == "table5"),
+            None => Counterpart::default(),
         };
         let env_steps = runs.iter().map(|run| run.spec.budget.env_steps.get()).min().unwrap_or(0);
         let needed = match runs[0].spec.algorithm_name() {
@@ -193,7 +199,7 @@ impl Cell {
             }
             Some(ours) => verdict(ours, seeds.len(), paper),
         });
-        Self { ours, seeds: seeds.len(), planned: runs.len(), best, paper, verdict, env_steps }
+        Self { ours, seeds: seeds.len(), planned: runs.len(), best, paper, departures, verdict, env_steps }
     }
 }
 
@@ -300,6 +306,7 @@ mod tests {
         assert_eq!(data.columns, ["MCPO, d = 10⁻⁴", "MCPO, d = 0.01", "PPO"]);
         let papers: Vec<_> = data.rows[0].cells.iter().flatten().map(|cell| cell.paper.map(|p| p.mean)).collect();
         assert_eq!(papers, [Some(1897.69), None, Some(17.09)], "only Table 2's setting is the paper's MCPO");
+        assert!(data.notes.iter().any(|note| note.ends_with("have none beside them: mcpo.d.")), "{:?}", data.notes);
     }
 
     #[test]
