@@ -147,6 +147,28 @@ fn partial_results_make_a_report_that_says_what_is_missing() {
     assert!(cells.contains("InvertedPendulum-v2,MCPO,900,,,1,2,0,900,"), "{cells}");
 }
 
+#[test]
+fn a_value_that_contradicts_the_papers_is_named_wherever_its_table_stands() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let second =
+        MATRIX[MATRIX.find("[[tables]]").expect("one")..].replace("returns", "again").replace("Returns", "Again");
+    let matrix =
+        format!("{MATRIX}{second}only = \"algorithm=ppo\"\n").replace("4096", "200_000").replace("[0, 1]", "[0, 1, 2]");
+    fs::write(folder.path().join("small.toml"), matrix).expect("written");
+    let spec = spec::load(&folder.path().join("small.toml"), &Overrides::default()).expect("a valid file");
+    let results = folder.path().join("results");
+    for run in plan(&spec).expect("a plan") {
+        // The paper's are 1000 ± 0 and 728 ± 360.
+        record(&run, &results, Ok(if run.algorithm_name() == "mcpo" { 1000.0 } else { 900.0 }));
+    }
+    let output = report(folder.path());
+    let stdout = String::from_utf8_lossy(&output.stdout);
+    assert_eq!(output.status.code(), Some(3), "{stdout}");
+    let told: Vec<&str> = stdout.lines().filter(|line| line.contains("above") || line.contains("below")).collect();
+    let ppo = "InvertedPendulum-v2, PPO: above the paper's value";
+    assert_eq!(told, [format!("{ppo} (Returns)"), format!("{ppo} (Again)")]);
+}
+
 /// The program on `small.toml`; what it says on stdout.
 fn call(folder: &Path, arguments: &[&str]) -> String {
     let mut command = Command::cargo_bin("mcpo-run").expect("the binary is built");
