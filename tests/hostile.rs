@@ -172,7 +172,7 @@ fn demonstrations() -> Vec<Vec<u8>> {
 
 fn stamp() -> Stamp {
     let (spec, build) = (serde_json::json!({ "id": "a/b" }), Build::current(serde_json::Value::Null));
-    Stamp { spec, fingerprint: "f".to_owned(), demonstration: None, build, origin: None }
+    Stamp { spec, fingerprint: "f".to_owned(), demonstration: None, demonstrated: None, build, origin: None }
 }
 
 /// The bytes of what `write` writes.

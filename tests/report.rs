@@ -15,7 +15,6 @@ const MATRIX: &str = r#"
 name = "small"
 description = "MCPO and PPO on InvertedPendulum"
 budget.env_steps = 4096
-rollout.steps = 1024
 
 [[matrix]]
 seed = [0, 1]
@@ -44,8 +43,14 @@ fn record(spec: &RunSpec, results: &Path, end: Result<f64, &str>) {
     fs::create_dir_all(&paths.complete).expect("made");
     let json = serde_json::to_value(spec).expect("a specification serialises");
     let build = Build::current(serde_json::Value::Null);
-    let mut manifest =
-        Manifest::new(Stamp { spec: json, fingerprint: "f".into(), demonstration: None, build, origin: None });
+    let mut manifest = Manifest::new(Stamp {
+        spec: json,
+        fingerprint: "f".into(),
+        demonstration: None,
+        demonstrated: None,
+        build,
+        origin: None,
+    });
     manifest.outcome = match end {
         Err(error) => Outcome::Failed { error: error.into(), log_tail: Vec::new() },
         Ok(mean) => {
@@ -140,4 +145,63 @@ fn partial_results_make_a_report_that_says_what_is_missing() {
     assert!(csv.contains("InvertedPendulum-v2,MCPO,1024,0.1,,,1,2"), "{csv}");
     let cells = fs::read_to_string(written.join("returns.csv")).expect("readable");
     assert!(cells.contains("InvertedPendulum-v2,MCPO,900,,,1,2,0,900,"), "{cells}");
+}
+
+#[test]
+fn a_value_that_contradicts_the_papers_is_named_wherever_its_table_stands() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let second =
+        MATRIX[MATRIX.find("[[tables]]").expect("one")..].replace("returns", "again").replace("Returns", "Again");
+    let matrix =
+        format!("{MATRIX}{second}only = \"algorithm=ppo\"\n").replace("4096", "200_000").replace("[0, 1]", "[0, 1, 2]");
+    fs::write(folder.path().join("small.toml"), matrix).expect("written");
+    let spec = spec::load(&folder.path().join("small.toml"), &Overrides::default()).expect("a valid file");
+    let results = folder.path().join("results");
+    for run in plan(&spec).expect("a plan") {
+        // The paper's are 1000 ± 0 and 728 ± 360.
+        record(&run, &results, Ok(if run.algorithm_name() == "mcpo" { 1000.0 } else { 900.0 }));
+    }
+    let output = report(folder.path());
+    let stdout = String::from_utf8_lossy(&output.stdout);
+    assert_eq!(output.status.code(), Some(3), "{stdout}");
+    let told: Vec<&str> = stdout.lines().filter(|line| line.contains("above") || line.contains("below")).collect();
+    let ppo = "InvertedPendulum-v2, PPO: above the paper's value";
+    assert_eq!(told, [format!("{ppo} (Returns)"), format!("{ppo} (Again)")]);
+}
+
+/// The program on `small.toml`; what it says on stdout.
+fn call(folder: &Path, arguments: &[&str]) -> String {
+    let mut command = Command::cargo_bin("mcpo-run").expect("the binary is built");
+    let output = command.current_dir(folder).args(arguments).output().expect("it runs");
+    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+#[test]
+fn what_a_demonstration_returned_is_recorded_with_its_runs_and_stands_beside_the_papers() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let demo = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments/demos/InvertedPendulum-v2.parquet");
+    let settings = "evaluation = { every = 4096, episodes = 1, final_episodes = 1 }\nnetwork.hidden = [8]";
+    let matrix = format!("demonstrations = {demo:?}\n{settings}\n{MATRIX}");
+    fs::write(folder.path().join("small.toml"), matrix).expect("written");
+    call(folder.path(), &["run", "small.toml", "--only", "seed=0", "--quiet"]);
+    let cells = || {
+        call(folder.path(), &["report", "small.toml"]);
+        let csv = fs::read_to_string(folder.path().join("results/small/report/returns.csv")).expect("readable");
+        csv.lines().skip(1).map(|line| line.rsplit_once(",4096,").expect("the budget").1.to_owned()).collect::<Vec<_>>()
+    };
+    // As `mcpo-run demo show` prints it; the paper's is Table 3's.
+    assert_eq!(cells(), ["554,553"; 2]);
+    let table = fs::read_to_string(folder.path().join("results/small/report/returns.md")).expect("readable");
+    assert!(table.contains("runs that depart from them have none beside them: network.hidden.\n"), "{table}");
+    let manifest = folder.path().join("results/small/runs/InvertedPendulum-v2/mcpo/seed-0/run.json");
+    let shown = call(folder.path(), &["show", manifest.to_str().expect("text")]);
+    assert!(shown.contains("demo         1 episode, 554 steps, return 554.0000\n"), "{shown}");
+    // Older programs did not record it.
+    let mut older: serde_json::Value = serde_json::from_slice(&fs::read(&manifest).expect("readable")).expect("JSON");
+    older["stamp"].as_object_mut().expect("an object").remove("demonstrated").expect("it was recorded");
+    fs::write(&manifest, older.to_string()).expect("written");
+    assert_eq!(cells(), [",553"; 2]);
+    let status = call(folder.path(), &["status", "small.toml"]);
+    assert!(status.contains("2 finished"), "{status}");
 }

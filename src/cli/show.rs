@@ -7,8 +7,8 @@ use std::{
 
 use anyhow::{Context, bail};
 
-use super::print;
-use crate::record::{Manifest, Outcome, RunPaths, Stamp, policy, rows};
+use super::{demo::counted, print};
+use crate::record::{Demonstrated, Manifest, Outcome, RunPaths, Stamp, policy, rows};
 
 /// Which file.
 #[derive(Debug, clap::Args)]
@@ -56,6 +56,17 @@ pub(super) fn provenance(path: &Path) -> anyhow::Result<(Stamp, Option<Manifest>
     Ok((stamp, manifest))
 }
 
+/// `1 episode, 300 steps, return 974.4220`.
+fn held(demonstrated: &Demonstrated) -> String {
+    let mean_return = match demonstrated.mean_return {
+        Some(mean_return) if demonstrated.episodes == 1 => format!("return {mean_return:.4}"),
+        Some(mean_return) => format!("return {mean_return:.4} in the mean"),
+        None => "no rewards".to_owned(),
+    };
+    let (episodes, steps) = (counted(demonstrated.episodes, "episode"), counted(demonstrated.steps, "step"));
+    format!("{episodes}, {steps}, {mean_return}")
+}
+
 fn render(path: &Path, stamp: &Stamp, manifest: Option<&Manifest>) -> anyhow::Result<String> {
     let mut rows = vec![("file", path.display().to_string())];
     for key in ["experiment", "id", "env"] {
@@ -84,6 +95,7 @@ fn render(path: &Path, stamp: &Stamp, manifest: Option<&Manifest>) -> anyhow::Re
     let build = &stamp.build;
     rows.push(("fingerprint", stamp.fingerprint.clone()));
     rows.extend(stamp.demonstration.clone().map(|digest| ("demo digest", digest)));
+    rows.extend(stamp.demonstrated.as_ref().map(|demonstrated| ("demo", held(demonstrated))));
     rows.push(("program", format!("mcpo-run {}, executable {}", build.program, build.executable)));
     rows.push(("versions", build.versions.to_string()));
     rows.push(("cpu class", format!("{}, libm {}", build.cpu_class, build.libm)));

@@ -123,6 +123,9 @@ fn difference(run: &Planned, recorded: &Path, elsewhere: &mut BTreeSet<String>) 
     match (&before.outcome, &now.outcome) {
         (Outcome::Finished, Outcome::Finished) => {}
         (_, Outcome::Failed { error, .. }) => return Ok(Some(format!("failed: {error}"))),
+        (Outcome::Failed { error, .. }, Outcome::Finished) => {
+            return Ok(Some(format!("recorded as failed ({error}), and finished now")));
+        }
         (before, now) => return Ok(Some(format!("recorded as {before:?}, now {now:?}"))),
     }
     let exactness = exactness(&before.stamp, &now.stamp);

@@ -1,10 +1,14 @@
 //! When two runs are the same run: the fingerprint, and what differs where they are not.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde_json::Value;
 
 use super::RunSpec;
+use crate::{
+    env::Reward,
+    spec::{Algorithm, Parameter, Settings},
+};
 
 /// The versions that matter for a run's numbers.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -35,6 +39,19 @@ impl RunSpec {
     pub(super) fn identity(&self) -> String {
         let whole = (self.leaves(), &self.demonstration);
         serde_json::to_string(&whole).expect("a run is numbers, names and lists")
+    }
+
+    /// The settings and hyperparameters that are not the defaults of its environment and algorithm: `mcpo.mmd.bandwidth`,
+    /// `reward`. Those that only say how long it is, how it is evaluated and what it saves do not count, nor does the
+    /// demonstration.
+    pub fn departures(&self) -> BTreeSet<String> {
+        let defaults = Settings::for_env(self.env, self.budget.env_steps);
+        let algorithm = Algorithm::defaults(self.algorithm_name(), self.env).expect("it has a name");
+        let reward = if algorithm.trains_on_dense_reward() { Reward::Dense } else { defaults.reward };
+        let Settings { max_steps, rollout, network, .. } = defaults;
+        let default = Self { reward, max_steps: max_steps.get(), rollout, network, algorithm, ..self.clone() };
+        let (own, default) = (self.leaves(), default.leaves());
+        differing(&own, &default).map(parameter).collect()
     }
 
     /// Everything that decides numbers, by dotted keys in their order.
@@ -68,17 +85,32 @@ fn flatten(key: String, value: Value, leaves: &mut BTreeMap<String, Value>) {
 pub fn differences(recorded: &RunSpec, wanted: &RunSpec) -> Vec<String> {
     let (before, after) = (recorded.leaves(), wanted.leaves());
     let show = |value: Option<&Value>| value.map_or_else(|| "absent".into(), Value::to_string);
-    let keys: std::collections::BTreeSet<&String> = before.keys().chain(after.keys()).collect();
-    keys.into_iter()
-        .filter(|key| before.get(*key) != after.get(*key))
-        .map(|key| format!("{key}: {} -> {}", show(before.get(key)), show(after.get(key))))
-        .collect()
+    let told = |key| format!("{key}: {} -> {}", show(before.get(key)), show(after.get(key)));
+    differing(&before, &after).map(told).collect()
+}
+
+/// The keys whose values differ.
+fn differing<'a>(
+    before: &'a BTreeMap<String, Value>,
+    after: &'a BTreeMap<String, Value>,
+) -> impl Iterator<Item = &'a str> {
+    let keys: BTreeSet<&String> = before.keys().chain(after.keys()).collect();
+    keys.into_iter().filter(|key| before.get(*key) != after.get(*key)).map(String::as_str)
+}
+
+/// The parameter that the leaf `key` belongs to: `mcpo.mmd.bandwidth` of `algorithm.mcpo.mmd.bandwidth.fixed`.
+fn parameter(key: &str) -> String {
+    let mut name = key.strip_prefix("algorithm.").unwrap_or(key);
+    while let (None, Some((outer, _))) = (Parameter::find(name), name.rsplit_once('.')) {
+        name = outer;
+    }
+    name.to_owned()
 }
 
 #[cfg(test)]
 mod tests {
     use super::{super::tests::planned, *};
-    use crate::quantity::constant;
+    use crate::{env::EnvId, quantity::constant};
 
     fn run() -> RunSpec {
         planned("[[matrix]]\nseed = [7]\nenv = ['HalfCheetah-v2']\nalgorithm = ['mcpo']\n").remove(0)
@@ -121,6 +153,35 @@ mod tests {
         moved.checkpoint.every_seconds = constant(1.0);
         assert_eq!(moved.fingerprint(Some("x"), &versions()), run.fingerprint(Some("x"), &versions()));
         assert_eq!(differences(&run, &moved), Vec::<String>::new());
+    }
+
+    #[test]
+    fn departures_are_what_is_learned_otherwise_than_by_default() {
+        let departures = |matrix: &str| {
+            let runs = planned(&format!("[[matrix]]\nseed = [7]\nenv = ['HalfCheetah-v2']\n{matrix}"));
+            runs[0].departures().into_iter().collect::<Vec<_>>()
+        };
+        for name in Algorithm::names() {
+            for env in EnvId::ALL {
+                let text = format!("[[matrix]]\nseed = [1]\nenv = ['{env}']\nalgorithm = ['{name}']\n");
+                assert!(planned(&text)[0].departures().is_empty(), "{name}, {env}");
+            }
+        }
+        let length = "'budget.env_steps' = [200_000]\n'evaluation.every' = [5_000]\n'checkpoint.every_seconds' = [1]\n";
+        assert_eq!(departures(&format!("algorithm = ['mcpo']\n{length}")), [""; 0]);
+        assert_eq!(departures("algorithm = ['expert']\nreward = ['dense']\n"), [""; 0], "it always has that one");
+        assert_eq!(
+            departures("algorithm = ['mcpo']\nreward = ['dense']\nd = [0.5]\n'mmd.bandwidth' = ['median']\n"),
+            ["mcpo.d", "mcpo.mmd.bandwidth", "reward"]
+        );
+        assert_eq!(
+            departures("algorithm = ['pretraining']\n'pretraining.ppo.clip' = [0.1]\n'network.hidden' = [[64, 64]]\n"),
+            ["network.hidden", "pretraining.ppo.clip"]
+        );
+        assert_eq!(
+            departures("algorithm = ['ppo']\nreward = [{ sparse2 = { distance = 1.0 } }]\n'rollout.steps' = [2048]\n"),
+            ["reward", "rollout.steps"]
+        );
     }
 
     #[test]

@@ -124,6 +124,7 @@ mod tests {
             spec,
             fingerprint: "f".to_owned(),
             demonstration: None,
+            demonstrated: None,
             build,
             origin: Some(Origin::current()),
         })

@@ -26,7 +26,7 @@ pub use claim::Claim;
 pub use heartbeat::Heartbeat;
 pub use manifest::{Attempt, Manifest, Outcome};
 pub use paths::{RunPaths, check_writable, experiment_folder};
-pub use provenance::{Build, Origin, Stamp, cpu_class, now};
+pub use provenance::{Build, Demonstrated, Origin, Stamp, cpu_class, now};
 
 /// How the names of files begin that are not yet in their place.
 const WRITING: &str = ".writing-";

@@ -15,6 +15,9 @@ pub struct Stamp {
     /// BLAKE3 of the demonstration's file, for a run that uses one.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub demonstration: Option<String>,
+    /// What that demonstration holds; absent in files of older programs.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub demonstrated: Option<Demonstrated>,
     /// What computed it.
     pub build: Build,
     /// Who called it; not in policies, whose bytes depend on nothing but the run.
@@ -30,6 +33,17 @@ impl Stamp {
     pub fn without_origin(&self) -> Self {
         Self { origin: None, ..self.clone() }
     }
+}
+
+/// What a demonstration holds, for those who have the results alone.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Demonstrated {
+    /// How many episodes.
+    pub episodes: usize,
+    /// How many steps, over all of them.
+    pub steps: usize,
+    /// The mean over its episodes of their dense returns; absent where its file has no rewards.
+    pub mean_return: Option<f64>,
 }
 
 /// The program and the class of machine.

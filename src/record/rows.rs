@@ -329,6 +329,7 @@ pub(crate) mod tests {
             spec,
             fingerprint: "f".to_owned(),
             demonstration: None,
+            demonstrated: None,
             build: Build::current(serde_json::Value::Null),
             origin: None,
         }

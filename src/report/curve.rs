@@ -12,8 +12,8 @@ use crate::{spec::Figure, stats::t_interval};
 
 use super::{
     ReportError, axis,
-    recorded::{Recording, Run},
-    reference,
+    counterpart::Counterpart,
+    recorded::{Recording, Run, demonstrated_return},
 };
 
 /// A column of `progress.parquet` is averaged in this many bins when it has more iterations.
@@ -47,7 +47,7 @@ pub struct Panel {
     pub title: String,
     /// One entry a series; `None` where the matrix has no such run.
     pub curves: Vec<Option<Curve>>,
-    /// The demonstration's return, for figures of returns.
+    /// The return of the demonstration that the runs learned from, for figures of returns.
     pub demo: Option<f64>,
 }
 
@@ -104,7 +104,7 @@ impl CurveData {
             Panel {
                 title: env.to_owned(),
                 curves: series.iter().map(curve).collect(),
-                demo: reference::returns(env).map(|row| row.demo).filter(|_| y == "return"),
+                demo: demonstrated_return(&panel.runs).filter(|_| y == "return"),
             }
         });
         Ok(Self {
@@ -123,7 +123,7 @@ impl Curve {
         let seeds: Vec<_> = finished.iter().map(|recording| seed_values(recording, y)).collect();
         let (points, incomplete) = over_seeds(&seeds, log);
         let paper = match y {
-            "return" => paper_value(runs[0], ablates).map(|value| value.mean),
+            "return" => Counterpart::of(runs, ablates).value.map(|value| value.mean),
             _ => None,
         };
         let tolerance = match y {
@@ -135,26 +135,6 @@ impl Curve {
         };
         Self { points, seeds: finished.len(), planned: runs.len(), incomplete, paper, tolerance }
     }
-}
-
-/// The paper's value that `run` can be compared with.
-///
-/// Where `ablation` is asked for and Table 5 has the run's d and epsilon, it is Table 5's (the paper's tables disagree
-/// about the one setting that both have); else that of Tables 3 and 4, for MCPO only with Table 2's d and epsilon.
-pub fn paper_value(run: &Run, ablation: bool) -> Option<reference::PaperValue> {
-    let env = run.spec.env.name();
-    let algorithm = run.spec.algorithm_name();
-    if algorithm == "mcpo" {
-        let (d, epsilon) = (run.spec.d()?, run.spec.epsilon()?);
-        if ablation && env == reference::ABLATION_ENV {
-            return reference::ablation(d, epsilon);
-        }
-        let table2 = reference::constraint(env)?;
-        if (d, epsilon) != (table2.d, table2.epsilon) {
-            return None;
-        }
-    }
-    reference::returns(env)?.of(algorithm)
 }
 
 /// One seed's values over environment steps.
@@ -297,7 +277,15 @@ mod tests {
         let (half, band) = (4.302652729749464 * 2.0 / 3f64.sqrt(), curve.points[0].band.expect("a band"));
         assert!(close(curve.points[0].mean, 3.0) && close(band.0, 3.0 - half) && close(band.1, 3.0 + half), "{band:?}");
         assert_eq!(curve.paper, Some(1897.69));
-        assert_eq!(data.panels[0].demo, Some(969.71));
+    }
+
+    #[test]
+    fn the_line_of_the_demonstration_is_that_of_the_runs_not_the_papers() {
+        let run = fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 0).finished(&[(10, &[1.0])]).progress("kl", &[(10, 1.0)]);
+        let demo = |y, run: &Run| curves(&figure(y, false), std::slice::from_ref(run)).panels[0].demo;
+        assert_eq!(demo("return", &run), None, "it is not recorded");
+        let run = run.demonstrated(Some("a"), Some(974.5));
+        assert_eq!((demo("return", &run), demo("kl", &run)), (Some(974.5), None));
     }
 
     #[test]
@@ -356,14 +344,5 @@ mod tests {
         assert!(data.panels[0].curves[1].is_none());
         let ppo = data.panels[1].curves[1].as_ref().expect("planned");
         assert_eq!((ppo.seeds, ppo.planned, ppo.points.len()), (0, 1, 0));
-    }
-
-    #[test]
-    fn table_5_is_the_reference_of_an_ablation_and_table_3_of_a_comparison() {
-        let run = fixture::mcpo("HalfCheetah-v2", 1e-3, 1e-3, 0);
-        assert_eq!(paper_value(&run, true).map(|value| value.mean), Some(3286.78));
-        assert_eq!(paper_value(&run, false).map(|value| value.mean), Some(3541.23));
-        assert_eq!(paper_value(&fixture::mcpo("HalfCheetah-v2", 1e-2, 0.0, 0), true), None);
-        assert_eq!(paper_value(&fixture::mcpo("HalfCheetah-v2", 1.0, 0.0, 0), false), None);
     }
 }

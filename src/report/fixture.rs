@@ -1,12 +1,12 @@
 //! Made-up runs for the tests of this module.
 
-use std::{collections::BTreeMap, fs, path::Path};
+use std::{fs, path::Path};
 
 use crate::{
     algo::Update,
     plan::plan,
     quantity::constant,
-    record::{Build, Manifest, Outcome, RunPaths, Stamp, rows},
+    record::{Build, Demonstrated, Manifest, Outcome, RunPaths, Stamp, rows},
     spec::{self, Overrides},
     train::{EvaluationEpisode, Iteration},
 };
@@ -23,16 +23,13 @@ pub fn ppo(env: &str, seed: u64) -> Run {
     run("ppo", &format!("env = [{env:?}]\nseed = [{seed}]"))
 }
 
-/// The one run of a matrix of these axes, with small numbers.
-fn run(algorithm: &str, axes: &str) -> Run {
+/// The one run of a matrix of these axes, of 100 steps.
+pub fn run(algorithm: &str, axes: &str) -> Run {
     let text = format!(
         r#"
         name = "made-up"
         description = ""
-        budget.env_steps = 100
-        rollout = {{ steps = 10, environments = 1 }}
-        evaluation = {{ every = 50, episodes = 2, final_episodes = 2 }}
-        algorithms.{algorithm}.minibatch = 10
+        budget.env_steps = 4096
         [[matrix]]
         algorithm = ["{algorithm}"]
         {axes}
@@ -40,7 +37,7 @@ fn run(algorithm: &str, axes: &str) -> Run {
     );
     let spec = spec::parse(Path::new("made-up.toml"), &text, &Overrides::default()).expect("a valid file");
     let spec = plan(&spec).expect("a plan").pop().expect("one run");
-    Run { spec, state: State::Missing }
+    Run { spec, state: State::Missing }.budget(100) // less than a rollout, which no matrix may ask for
 }
 
 impl Run {
@@ -63,7 +60,17 @@ impl Run {
             let last = Some(env_steps) == end;
             returns.iter().map(move |&dense_return| Evaluation { env_steps, last, dense_return })
         });
-        self.state = State::Finished(Recording { evaluations: episodes.collect(), progress: BTreeMap::new() });
+        self.state = State::Finished(Recording { evaluations: episodes.collect(), ..Recording::default() });
+        self
+    }
+
+    /// The same, having learned from the demonstration of this digest.
+    pub fn demonstrated(mut self, digest: Option<&str>, mean_return: Option<f64>) -> Self {
+        if let State::Finished(recording) = &mut self.state {
+            recording.demonstration = digest.map(str::to_owned);
+            recording.demonstrated =
+                mean_return.map(|mean| Demonstrated { episodes: 1, steps: 300, mean_return: Some(mean) });
+        }
         self
     }
 
@@ -90,7 +97,15 @@ pub fn record(run: &Run, results: &Path) {
         cpu_class: String::new(),
         libm: String::new(),
     };
-    let stamp = Stamp { spec, fingerprint: "f".into(), demonstration: None, build, origin: None };
+    let recording = run.recording().cloned().unwrap_or_default();
+    let stamp = Stamp {
+        spec,
+        fingerprint: "f".into(),
+        demonstration: recording.demonstration,
+        demonstrated: recording.demonstrated,
+        build,
+        origin: None,
+    };
     let keys = rows::Keys {
         experiment: run.spec.experiment.clone(),
         run: run.spec.id.clone(),

@@ -5,6 +5,7 @@
 //! which the modules `figure` and `text` only show.
 
 mod axis;
+mod counterpart;
 mod curve;
 mod figure;
 #[cfg(test)]

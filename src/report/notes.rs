@@ -4,16 +4,17 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::{
     axis,
-    recorded::{Run, State},
-    table::Cell,
+    recorded::{Run, State, demonstrated_return},
+    reference,
+    table::{Cell, Row},
 };
 
 /// Below this many seeds an interval says little of the algorithm.
 const ENOUGH_SEEDS: usize = 10;
 
-/// The notes of a table over `runs`, whose cells are `cells`.
-pub fn of_table<'a>(runs: &[&Run], cells: impl Iterator<Item = &'a Cell>) -> Vec<String> {
-    let cells: Vec<&Cell> = cells.collect();
+/// The notes of a table over `runs`, whose rows are `rows`.
+pub fn of_table(runs: &[&Run], rows: &[Row]) -> Vec<String> {
+    let cells: Vec<&Cell> = rows.iter().flat_map(|row| row.cells.iter().flatten()).collect();
     let finished = runs.iter().filter(|run| run.recording().is_some()).count();
     let mut notes = vec![format!("{finished} of {} finished.", count(runs.len(), "run"))];
     notes.push(
@@ -28,6 +29,20 @@ pub fn of_table<'a>(runs: &[&Run], cells: impl Iterator<Item = &'a Cell>) -> Vec
                 .to_owned(),
         );
     }
+    let departures: BTreeSet<&str> = cells.iter().flat_map(|cell| &cell.departures).map(String::as_str).collect();
+    if !departures.is_empty() {
+        let list = departures.into_iter().collect::<Vec<_>>().join(", ");
+        notes.push(format!(
+            "The paper's values are of its setting, which the defaults are as far as it is known; runs that depart from them \
+             have none beside them: {list}."
+        ));
+    }
+    let in_a_column = |row: &Row| row.cells.len() > 1 && row.demo.or(row.paper_demo).is_some();
+    if rows.iter().any(in_a_column) {
+        notes.push("Demo: dense return of the demonstration, the mean over its episodes.".to_owned());
+    } else {
+        notes.extend(demonstrations(runs, cells.iter().any(|cell| cell.paper.is_some())));
+    }
     notes.push(format!("Budget: {} environment steps.", span(runs, |run| run.spec.budget.env_steps.get(), steps)));
     let episodes = span(runs, |run| run.spec.evaluation.final_episodes.get(), |episodes| episodes.to_string());
     notes.push(format!("Final evaluation: {episodes} episodes with the mean action."));
@@ -40,6 +55,19 @@ pub fn of_table<'a>(runs: &[&Run], cells: impl Iterator<Item = &'a Cell>) -> Vec
     notes.extend(readings(runs));
     notes.extend(failures(runs));
     notes
+}
+
+/// What the demonstrations of a table without a column for them returned; beside it the paper's, where it `compares`.
+fn demonstrations(runs: &[&Run], compares: bool) -> Option<String> {
+    let told = |group: &axis::Group<'_>| {
+        let env = group.runs[0].spec.env.name();
+        let ours = demonstrated_return(&group.runs)?;
+        let paper = reference::returns(env).filter(|_| compares);
+        let paper = paper.map_or(String::new(), |paper| format!(" (the paper's {:.2})", paper.demo));
+        Some(format!("{env} {ours:.2}{paper}"))
+    };
+    let list: Vec<String> = axis::group(runs, &["env".to_owned()]).iter().filter_map(told).collect();
+    (!list.is_empty()).then(|| format!("Dense return of the demonstration: {}.", list.join(", ")))
 }
 
 /// Which reading of the MMD each algorithm used.
@@ -107,11 +135,28 @@ mod tests {
             fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 0).failed("out of memory"),
             fixture::ppo("Hopper-v2", 1).finished(&[(100, &[1.0])]),
         ];
-        let notes = of_table(&runs.iter().collect::<Vec<_>>(), [].into_iter()).join("\n");
+        let notes = of_table(&runs.iter().collect::<Vec<_>>(), &[]).join("\n");
         assert!(notes.contains("1 of 2 runs finished."), "{notes}");
         assert!(notes.contains("Budget: 100 environment steps."), "{notes}");
         assert!(notes.contains("Samples of the MMD: MCPO demo_states."), "{notes}");
         assert!(notes.contains(&format!("Failed: {}: out of memory", runs[0].spec.id)), "{notes}");
+    }
+
+    #[test]
+    fn demonstrations_without_a_column_are_named() {
+        let run = fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 0).finished(&[(100, &[1.0])]);
+        assert_eq!(demonstrations(&[&run], true), None, "it is not recorded");
+        let (run, other) = (run.demonstrated(Some("a"), Some(974.5)), fixture::ppo("Ant-v2", 0));
+        let told = |compares| demonstrations(&[&run, &other], compares).expect("one is known");
+        assert_eq!(told(false), "Dense return of the demonstration: Hopper-v2 974.50.");
+        assert_eq!(told(true), "Dense return of the demonstration: Hopper-v2 974.50 (the paper's 969.71).");
+        // A table of one column is a list, which has no such column.
+        let notes = |columns| {
+            let row = Row { labels: vec![], demo: Some(974.5), paper_demo: None, cells: vec![None; columns] };
+            of_table(&[&run], &[row]).join("\n")
+        };
+        assert!(notes(1).contains("Hopper-v2 974.50") && !notes(1).contains("Demo: "), "{}", notes(1));
+        assert!(notes(2).contains("Demo: ") && !notes(2).contains("974"), "{}", notes(2));
     }
 
     #[test]

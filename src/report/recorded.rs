@@ -9,7 +9,7 @@ use polars::prelude::{DataType, ParquetReader, PolarsResult, SerReader};
 
 use crate::{
     plan::RunSpec,
-    record::{Manifest, Outcome, RecordError, RunPaths, rows},
+    record::{Demonstrated, Manifest, Outcome, RecordError, RunPaths, Stamp, rows},
 };
 
 /// What `plan`, one experiment's runs, left under the folder `results`. Progress is read only if it is asked for.
@@ -39,7 +39,8 @@ fn load_run(planned: &RunSpec, results: &Path, progress: bool) -> Result<Run, Re
             });
             let file = RunPaths::progress(&paths.complete);
             let progress = if progress { numbers(&file)? } else { BTreeMap::new() };
-            State::Finished(Recording { evaluations: evaluations.collect(), progress })
+            let Stamp { demonstration, demonstrated, .. } = manifest.stamp;
+            State::Finished(Recording { evaluations: evaluations.collect(), progress, demonstration, demonstrated })
         }
     };
     Ok(Run { spec, state })
@@ -103,6 +104,10 @@ pub struct Recording {
     pub evaluations: Vec<Evaluation>,
     /// The numeric columns of `progress.parquet`, one entry an iteration; a null is `None`.
     pub progress: BTreeMap<String, Vec<Option<f64>>>,
+    /// The digest of the demonstration that it learned from; absent for an algorithm without one.
+    pub demonstration: Option<String>,
+    /// What that demonstration holds; absent for an algorithm without one, and where an older program recorded the run.
+    pub demonstrated: Option<Demonstrated>,
 }
 
 /// One evaluation episode.
@@ -124,6 +129,18 @@ impl Run {
             State::Missing | State::Failed { .. } => None,
         }
     }
+}
+
+/// The mean return of the demonstration that the finished ones of `runs` learned from, as far as they learn from one; `None`
+/// where they learned from several, or none recorded it.
+pub fn demonstrated_return(runs: &[&Run]) -> Option<f64> {
+    let learners = runs.iter().filter(|run| run.spec.demonstration.is_some());
+    let recordings: Vec<&Recording> = learners.filter_map(|run| run.recording()).collect();
+    let one = recordings.first()?.demonstration.as_ref()?;
+    if recordings.iter().any(|recording| recording.demonstration.as_ref() != Some(one)) {
+        return None;
+    }
+    recordings.iter().find_map(|recording| recording.demonstrated.as_ref()?.mean_return)
 }
 
 impl Recording {
@@ -151,11 +168,28 @@ mod tests {
     }
 
     #[test]
+    fn a_demonstrations_return_is_told_where_all_that_learned_from_one_learned_from_the_same() {
+        let finished = |seed, digest, mean_return| {
+            fixture::mcpo("Hopper-v2", 1e-4, 1e-3, seed).finished(&[(100, &[1.0])]).demonstrated(digest, mean_return)
+        };
+        let one = finished(0, Some("a"), Some(974.5));
+        let told = |other: Run| demonstrated_return(&[&one, &other]);
+        assert_eq!(told(finished(1, Some("b"), Some(974.5))), None, "another demonstration");
+        assert_eq!(told(finished(1, None, None)), None, "it may have been another");
+        assert_eq!(told(finished(1, Some("a"), None)), Some(974.5), "an older program's record of the same");
+        assert_eq!(told(fixture::ppo("Hopper-v2", 0).finished(&[(100, &[1.0])])), Some(974.5), "PPO has none");
+        assert_eq!(told(fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 1)), Some(974.5), "nothing is recorded");
+        assert_eq!(demonstrated_return(&[&finished(0, Some("a"), None)]), None, "no rewards, or an older program");
+        assert_eq!(demonstrated_return(&[&fixture::ppo("Hopper-v2", 0).finished(&[(100, &[1.0])])]), None);
+    }
+
+    #[test]
     fn runs_come_back_as_they_were_recorded() {
         let folder = tempfile::tempdir().expect("a folder");
         let finished = fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 0)
             .finished(&[(50, &[1.0, 2.0]), (100, &[3.0])])
-            .progress("mmd", &[(10, 0.5), (20, 0.25)]);
+            .progress("mmd", &[(10, 0.5), (20, 0.25)])
+            .demonstrated(Some("a"), Some(974.5));
         let failed = fixture::ppo("Hopper-v2", 1).failed("training diverged");
         let missing = fixture::ppo("Hopper-v2", 2);
         fixture::record(&finished, folder.path());
@@ -165,6 +199,7 @@ mod tests {
         assert_eq!(runs[1..], [failed, missing]);
         let (read, written) = (runs[0].recording().expect("finished"), finished.recording().expect("finished"));
         assert_eq!(read.evaluations, written.evaluations);
+        assert_eq!((&read.demonstration, &read.demonstrated), (&written.demonstration, &written.demonstrated));
         assert_eq!(read.progress["mmd"], written.progress["mmd"]);
         assert_eq!(read.progress["env_steps"], written.progress["env_steps"]);
         assert_eq!(read.progress["kl"], [None, None]);

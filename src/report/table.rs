@@ -5,11 +5,15 @@
 //!
 //! # The verdict
 //!
+//! The paper's value stands beside runs of the paper's setting alone: [`Counterpart`] says which those are.
+//!
 //! The paper's number is one policy's: the best of five seeds, over 50 episodes. So it is asked whether it could be one more
 //! of our seeds: it is **consistent** where the paper's 95 % interval over its 50 episodes meets our 95 % prediction
 //! interval for one more seed (the t interval's half-width times sqrt(n + 1)); else ours is **above** or **below**. The best of
 //! five lies above the mean of five, so a verdict of "below" weighs less than one of "above". With fewer than three
 //! finished seeds, or fewer steps than [`reference::assumed_budget`], it is **not comparable**, and the reason is given.
+
+use std::collections::BTreeSet;
 
 use crate::stats::{Interval, t_interval};
 
@@ -17,9 +21,10 @@ use crate::spec::Table;
 
 use super::{
     axis,
-    curve::{CONFIDENCE, mean, paper_value},
+    counterpart::Counterpart,
+    curve::{CONFIDENCE, mean},
     notes,
-    recorded::Run,
+    recorded::{Run, demonstrated_return},
     reference::{self, PaperValue},
 };
 
@@ -51,8 +56,10 @@ pub struct TableData {
 pub struct Row {
     /// The value of each row key; empty where the runs do not have that axis.
     pub labels: Vec<String>,
-    /// The demonstration's return in the paper, where the row is one environment of the paper's.
+    /// The return of the demonstration that the row's runs learned from, where the row is one environment.
     pub demo: Option<f64>,
+    /// The same in the paper, where the table is compared with one of the paper's.
+    pub paper_demo: Option<f64>,
     /// One a column; `None` where the matrix has no such run.
     pub cells: Vec<Option<Cell>>,
 }
@@ -70,6 +77,8 @@ pub struct Cell {
     pub best: Option<Best>,
     /// The paper's value.
     pub paper: Option<PaperValue>,
+    /// The parameters that are not the paper's, which keep its value away.
+    pub departures: BTreeSet<String>,
     /// Ours against the paper's; `None` where there is nothing to compare.
     pub verdict: Option<Verdict>,
     /// Environment steps of the shortest run.
@@ -129,14 +138,17 @@ impl TableData {
                 let runs: Vec<&Run> = row.runs.iter().copied().filter(|run| column.runs.contains(run)).collect();
                 (!runs.is_empty()).then(|| Cell::new(table.reference.as_deref(), &runs))
             };
-            let one_env = row_keys.iter().any(|key| key == "env") && table.reference.is_some();
+            let one_env = row_keys.iter().any(|key| key == "env");
+            let paper =
+                reference::returns(row.runs[0].spec.env.name()).filter(|_| one_env && table.reference.is_some());
             Row {
                 labels: row
                     .values
                     .iter()
                     .map(|value| value.as_ref().map_or(String::new(), axis::value_label))
                     .collect(),
-                demo: reference::returns(row.runs[0].spec.env.name()).map(|row| row.demo).filter(|_| one_env),
+                demo: demonstrated_return(&row.runs).filter(|_| one_env),
+                paper_demo: paper.map(|row| row.demo),
                 cells: columns.iter().map(cell).collect(),
             }
         });
@@ -146,7 +158,7 @@ impl TableData {
             row_keys: row_keys.iter().map(|key| axis::key_label(key)).collect(),
             column_key: axis::key_label(&table.columns),
             columns: axis::labels(&column_keys, &columns),
-            notes: notes::of_table(runs, rows.iter().flat_map(|row| row.cells.iter().flatten())),
+            notes: notes::of_table(runs, &rows),
             rows,
         }
     }
@@ -168,10 +180,9 @@ impl Cell {
             episodes: returns.len(),
         });
         let ours = t_interval(&means, CONFIDENCE);
-        let paper = match reference {
-            Some("table5") => paper_value(runs[0], true),
-            Some(_) => paper_value(runs[0], false),
-            None => None,
+        let Counterpart { value: paper, departures } = match reference {
+            Some(reference) => Counterpart::of(runs, reference == "table5"),
+            None => Counterpart::default(),
         };
         let env_steps = runs.iter().map(|run| run.spec.budget.env_steps.get()).min().unwrap_or(0);
         let needed = match runs[0].spec.algorithm_name() {
@@ -188,7 +199,7 @@ impl Cell {
             }
             Some(ours) => verdict(ours, seeds.len(), paper),
         });
-        Self { ours, seeds: seeds.len(), planned: runs.len(), best, paper, verdict, env_steps }
+        Self { ours, seeds: seeds.len(), planned: runs.len(), best, paper, departures, verdict, env_steps }
     }
 }
 
@@ -295,6 +306,7 @@ mod tests {
         assert_eq!(data.columns, ["MCPO, d = 10⁻⁴", "MCPO, d = 0.01", "PPO"]);
         let papers: Vec<_> = data.rows[0].cells.iter().flatten().map(|cell| cell.paper.map(|p| p.mean)).collect();
         assert_eq!(papers, [Some(1897.69), None, Some(17.09)], "only Table 2's setting is the paper's MCPO");
+        assert!(data.notes.iter().any(|note| note.ends_with("have none beside them: mcpo.d.")), "{:?}", data.notes);
     }
 
     #[test]
@@ -306,6 +318,24 @@ mod tests {
         assert_eq!(data.row_keys, ["d", "ε"]);
         assert_eq!(data.rows.iter().map(|row| row.labels.join(" ")).collect::<Vec<_>>(), ["10⁻³ 10⁻³", "10⁻⁶ 0"]);
         assert_eq!(only_cell(&data).paper.map(|paper| paper.mean), Some(3286.78));
-        assert_eq!(data.rows[0].demo, None);
+        assert_eq!((data.rows[0].demo, data.rows[0].paper_demo), (None, None));
+    }
+
+    #[test]
+    fn the_demonstrations_return_stands_beside_the_papers() {
+        let mcpo = fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 0).finished(&[(100, &[1.0])]);
+        let runs = [fixture::ppo("Hopper-v2", 0).finished(&[(100, &[1.0])]), mcpo];
+        let demos = |table_of: &Table, runs: &[Run]| {
+            let data = table(table_of, runs);
+            let told = data.notes.iter().any(|note| note.starts_with("Demo: "));
+            (data.rows[0].demo, data.rows[0].paper_demo, told)
+        };
+        assert_eq!(demos(&comparison(), &runs), (None, Some(969.71), true), "ours is not recorded");
+        let runs = runs.map(|run| run.demonstrated(Some("a"), Some(974.5)));
+        assert_eq!(demos(&comparison(), &runs), (Some(974.5), Some(969.71), true));
+        assert_eq!(demos(&Table { reference: None, ..comparison() }, &runs), (Some(974.5), None, true));
+        assert_eq!(demos(&comparison(), &runs[1..]), (Some(974.5), Some(969.71), false), "a list has no such column");
+        let by_algorithm = Table { rows: vec!["algorithm".into()], columns: "env".into(), ..comparison() };
+        assert_eq!(demos(&by_algorithm, &runs), (None, None, false), "a row is not one environment");
     }
 }

@@ -94,6 +94,7 @@ pub fn csv(data: &TableData) -> Result<Vec<u8>, csv::Error> {
         "verdict",
         "env_steps",
         "demo",
+        "paper_demo",
     ];
     writer.write_record(data.row_keys.iter().map(String::as_str).chain([data.column_key.as_str()]).chain(numbers))?;
     for row in &data.rows {
@@ -118,6 +119,7 @@ pub fn csv(data: &TableData) -> Result<Vec<u8>, csv::Error> {
                 cell.verdict.as_ref().map_or(String::new(), |verdict| verdict.text()),
                 cell.env_steps.to_string(),
                 number(row.demo),
+                number(row.paper_demo),
             ]);
             writer.write_record(&record)?;
         }
@@ -160,8 +162,9 @@ fn compact(data: &TableData) -> Grid {
 /// Rows by columns; below each row of ours, the paper's.
 fn matrix(data: &TableData) -> Grid {
     let mut headers = data.row_keys.clone();
-    let compares = data.rows.iter().any(|row| row.cells.iter().flatten().any(|cell| cell.paper.is_some()));
-    let has_demo = data.rows.iter().any(|row| row.demo.is_some());
+    let has_paper = |row: &Row| row.cells.iter().flatten().any(|cell| cell.paper.is_some()) || row.paper_demo.is_some();
+    let compares = data.rows.iter().any(has_paper);
+    let has_demo = data.rows.iter().any(|row| row.demo.or(row.paper_demo).is_some());
     if compares {
         headers.push(String::new());
     }
@@ -178,7 +181,7 @@ fn matrix(data: &TableData) -> Grid {
             ours.push("ours".to_owned());
         }
         if has_demo {
-            ours.push(String::new());
+            ours.push(row.demo.map_or(String::new(), |demo| number(demo, decimals)));
         }
         ours.extend(row.cells.iter().map(|cell| match cell {
             None => String::new(),
@@ -192,7 +195,7 @@ fn matrix(data: &TableData) -> Grid {
             let mut paper = vec![String::new(); row.labels.len()];
             paper.push("paper".to_owned());
             if has_demo {
-                paper.push(row.demo.map_or(String::new(), |demo| number(demo, decimals)));
+                paper.push(row.paper_demo.map_or(String::new(), |demo| number(demo, decimals)));
             }
             paper.extend(row.cells.iter().map(|cell| paper_value(cell.as_ref(), decimals)));
             rows.push(paper);
@@ -372,6 +375,7 @@ mod tests {
     }
 
     fn comparison() -> TableData {
+        let mcpo = |seed| fixture::mcpo("Hopper-v2", 1e-4, 1e-3, seed);
         made_up(
             &["env"],
             "algorithm",
@@ -379,8 +383,8 @@ mod tests {
             &[
                 fixture::ppo("Hopper-v2", 0).finished(&[(100, &[-10.0, 20.0])]),
                 fixture::ppo("Hopper-v2", 1).failed("training diverged"),
-                fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 0).finished(&[(100, &[1800.0, 1802.0])]),
-                fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 1).finished(&[(100, &[1803.0, 1803.0])]),
+                mcpo(0).finished(&[(100, &[1800.0, 1802.0])]).demonstrated(Some("a"), Some(974.42)),
+                mcpo(1).finished(&[(100, &[1803.0, 1803.0])]).demonstrated(Some("a"), Some(974.42)),
                 fixture::ppo("Ant-v2", 0),
             ],
         )
@@ -405,7 +409,7 @@ mod tests {
 
 | environment |       | Demo |              PPO |       MCPO |
 | :---------- | :---- | ---: | ---------------: | ---------: |
-| Hopper-v2   | ours  |      | 5 (1 of 2 seeds) |  1802 ± 13 |
+| Hopper-v2   | ours  |  974 | 5 (1 of 2 seeds) |  1802 ± 13 |
 |             | paper |  970 |          17 ± 14 | 1898 ± 904 |
 | Ant-v2      | ours  |      |  – (0 of 1 seed) |            |
 |             | paper | 1942 |     −2333 ± 2194 |            |
@@ -443,6 +447,9 @@ mod tests {
         assert!(text.contains("\\begin{tabular}{llrrrrl}\n\\toprule\nd & $\\epsilon$ & ours & seeds"), "{text}");
         assert!(text.contains("10$^{-3}$ & 2$\\cdot$10$^{-3}$ & 120 & 1 seed"), "{text}");
         assert!(text.contains("$-$586.5 $\\pm$ 987.0"), "{text}");
+        let text = latex(&comparison());
+        assert!(text.contains("Hopper-v2 & ours & 974 & 5 (1 of 2 seeds)"), "{text}");
+        assert!(text.contains(" & paper & 970 & 17 $\\pm$ 14"), "{text}");
         assert_eq!(escape("a_b\\c^d"), "a\\_b\\textbackslash{}c\\textasciicircum{}d");
     }
 
@@ -455,9 +462,8 @@ mod tests {
         assert!(lines[0].starts_with("environment,algorithm,mean,low,high,seeds,planned_seeds,"), "{text}");
         assert!(lines[1].starts_with("Hopper-v2,PPO,5,,,1,2,0,5,21.213203435596427,2,17.09,13.54,"), "{text}");
         assert!(lines[2].starts_with("Hopper-v2,MCPO,1802,1789.29"), "{text}");
-        assert!(
-            lines[3].starts_with("Ant-v2,PPO,,,,0,1,,,,,-2332.95,2193.85,not comparable: no finished run,100,1942.05")
-        );
+        assert!(lines[2].ends_with(",100,974.42,969.71"), "{text}");
+        assert!(lines[3].ends_with("PPO,,,,0,1,,,,,-2332.95,2193.85,not comparable: no finished run,100,,1942.05"));
     }
 
     #[test]

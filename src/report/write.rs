@@ -44,11 +44,9 @@ pub fn write(spec: &ExperimentSpec, results: &Path) -> Result<Written, ReportErr
     let folder = record::experiment_folder(results, &spec.name)?.join("report");
     fs::create_dir_all(&folder).map_err(|source| RecordError::Io { action: "create", path: folder.clone(), source })?;
     let mut files = Files { folder, written: Vec::new() };
-    let mut state = state(&runs);
+    let planned = runs.len();
     let untouched = leave_out_untouched(&mut runs);
-    if !untouched.is_empty() {
-        state.push_str(&format!(" Left out, since no run of theirs has ended: {}.", untouched.join(", ")));
-    }
+    let state = state(&runs, planned, &untouched);
     let mut page = format!("# {}\n\n{}\n\n{state}\n", spec.name, spec.description);
 
     let mut made = Vec::new();
@@ -138,8 +136,8 @@ fn leave_out_untouched(runs: &mut Vec<Run>) -> Vec<&'static str> {
     untouched
 }
 
-/// `12 of 35 runs finished, 2 failed`, and which did.
-fn state(runs: &[Run]) -> String {
+/// `12 of 35 runs finished.`, of which environments none has ended, and a line for each run that failed.
+fn state(runs: &[Run], planned: usize, untouched: &[&str]) -> String {
     let finished = runs.iter().filter(|run| run.recording().is_some()).count();
     let failed: Vec<String> = runs
         .iter()
@@ -148,7 +146,11 @@ fn state(runs: &[Run]) -> String {
             State::Missing | State::Finished(_) => None,
         })
         .collect();
-    format!("{finished} of {} finished.{}", notes::count(runs.len(), "run"), failed.concat())
+    let left_out = match untouched {
+        [] => String::new(),
+        names => format!(" Left out, since no run of theirs has ended: {}.", names.join(", ")),
+    };
+    format!("{finished} of {} finished.{left_out}{}", notes::count(planned, "run"), failed.concat())
 }
 
 #[cfg(test)]
@@ -206,9 +208,9 @@ mod tests {
         record_some(folder.path());
         let more = "[[matrix]]\nseed = [0]\nenv = [\"Ant-v2\"]\nalgorithm = [\"ppo\"]";
         let written = write(&experiment(more), folder.path()).expect("written");
-        assert!(written.state.ends_with("Left out, since no run of theirs has ended: Ant-v2."), "{}", written.state);
+        let start = "2 of 5 runs finished. Left out, since no run of theirs has ended: Ant-v2.\n- Hopper-v2/";
+        assert!(written.state.starts_with(start), "{}", written.state);
         assert_eq!(written.tables[0].rows.len(), 1);
-        assert!(written.state.starts_with("2 of 5 runs finished."));
     }
 
     #[test]

@@ -65,6 +65,7 @@ pub(crate) mod tests {
             spec: serde_json::to_value(&spec).expect("JSON"),
             fingerprint: format!("{name}-{seed}"),
             demonstration: None,
+            demonstrated: None,
             build: Build::current(serde_json::Value::Null),
             origin: None,
         };

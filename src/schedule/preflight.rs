@@ -12,7 +12,7 @@ use crate::{
     demo::{DemoError, Demonstration},
     env::{self, EnvId},
     plan::{RunSpec, Versions},
-    record::{Build, Claim, Origin, RecordError, RunPaths, Stamp, check_writable},
+    record::{Build, Claim, Demonstrated, Origin, RecordError, RunPaths, Stamp, check_writable},
 };
 
 /// Why nothing was started.
@@ -74,11 +74,11 @@ impl std::error::Error for Problems {}
 /// Errors: every demonstration that cannot be used, each once; names that lead elsewhere; runs that share a place.
 pub fn plan(specs: Vec<RunSpec>, results: &Path) -> Result<Vec<Planned>, Problems> {
     let mut problems = Vec::new();
-    let mut digests = BTreeMap::new();
+    let mut demonstrations = BTreeMap::new();
     for spec in &specs {
         let Some(path) = &spec.demonstration else { continue };
-        digests.entry((path.clone(), spec.env)).or_insert_with(|| match digest(path, spec.env) {
-            Ok(digest) => Some(digest),
+        demonstrations.entry((path.clone(), spec.env)).or_insert_with(|| match demonstration(path, spec.env) {
+            Ok(demonstration) => Some(demonstration),
             Err(error) => {
                 problems.push(Problem::Demonstration(error));
                 None
@@ -95,11 +95,14 @@ pub fn plan(specs: Vec<RunSpec>, results: &Path) -> Result<Vec<Planned>, Problem
     let mut planned: Vec<Planned> = Vec::new();
     let mut places: BTreeMap<PathBuf, String> = BTreeMap::new();
     for spec in specs {
-        let digest = spec.demonstration.as_ref().and_then(|path| digests.get(&(path.clone(), spec.env))?.as_deref());
+        let path = spec.demonstration.as_ref();
+        let (digest, demonstrated) =
+            path.and_then(|path| demonstrations.get(&(path.clone(), spec.env))?.clone()).unzip();
         let stamp = Stamp {
             spec: serde_json::to_value(&spec).unwrap_or_default(),
-            fingerprint: spec.fingerprint(digest, &versions),
-            demonstration: digest.map(str::to_owned),
+            fingerprint: spec.fingerprint(digest.as_deref(), &versions),
+            demonstration: digest,
+            demonstrated,
             build: build.clone(),
             origin: Some(origin.clone()),
         };
@@ -115,12 +118,18 @@ pub fn plan(specs: Vec<RunSpec>, results: &Path) -> Result<Vec<Planned>, Problem
     if problems.is_empty() { Ok(planned) } else { Err(Problems(problems)) }
 }
 
-/// The digest of a demonstration's file, once it is known to fit.
-fn digest(path: &Path, env: EnvId) -> Result<String, DemoError> {
-    Demonstration::read_for(path, env)?;
+/// The digest of a demonstration's file and what it holds, once it is known to fit.
+fn demonstration(path: &Path, env: EnvId) -> Result<(String, Demonstrated), DemoError> {
+    let demonstration = Demonstration::read_for(path, env)?;
     let bytes =
         fs::read(path).map_err(|error| DemoError::Unreadable { path: path.to_owned(), reason: error.to_string() })?;
-    Ok(blake3::hash(&bytes).to_hex().to_string())
+    let episodes = demonstration.episode_starts.len();
+    let demonstrated = Demonstrated {
+        episodes,
+        steps: demonstration.len(),
+        mean_return: demonstration.returns().map(|returns| returns.iter().sum::<f64>() / episodes as f64),
+    };
+    Ok((blake3::hash(&bytes).to_hex().to_string(), demonstrated))
 }
 
 /// Makes the results ready: the folder can be written to and has room, and nothing that is recorded stands in the way;

@@ -13,7 +13,10 @@ use toml::{
     de::{DeTable, DeValue, Deserializer},
 };
 
-use super::{Algorithm, Figure, Settings, Table, names::plain};
+use super::{
+    Algorithm, Figure, Settings, Table,
+    names::{date_in_words, plain},
+};
 use crate::{env::EnvId, quantity::constant};
 
 /// A table of the file whose keys are the fields of one type.
@@ -83,8 +86,12 @@ impl Section {
         (self.read)(candidate).map_err(|error| {
             let whole = value.span();
             let part = error.span().filter(|part| whole.start <= part.start && part.end <= whole.end);
-            let (message, label) = plain(error.message());
-            Refusal { message, label, span: part.unwrap_or(whole) }
+            let span = part.unwrap_or(whole);
+            let (message, label) = match (date_at(value, &span), error.message().strip_prefix("invalid type: map,")) {
+                (Some(date), Some(expected)) => plain(&format!("invalid type: {date},{expected}")),
+                _ => plain(error.message()),
+            };
+            Refusal { message, label, span }
         })
     }
 
@@ -161,6 +168,16 @@ fn text<T: Serialize>(value: &T) -> String {
 
 fn read<T: DeserializeOwned>(table: Spanned<DeTable<'_>>) -> Result<(), toml::de::Error> {
     T::deserialize(Deserializer::from(table)).map(drop)
+}
+
+/// The date that is or stands in `value` at the bytes `span`, as `date 2024-01-01`.
+fn date_at(value: &Spanned<DeValue<'_>>, span: &Range<usize>) -> Option<String> {
+    match value.get_ref() {
+        DeValue::Datetime(date) if value.span() == *span => Some(format!("{} {date}", date_in_words(date))),
+        DeValue::Array(elements) => elements.iter().find_map(|element| date_at(element, span)),
+        DeValue::Table(table) => table.iter().find_map(|(_, value)| date_at(value, span)),
+        _ => None,
+    }
 }
 
 /// Puts `value` at `path`, making tables on the way.

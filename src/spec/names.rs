@@ -106,6 +106,15 @@ fn found_in_words(found: &str) -> String {
     }
 }
 
+/// What kind of date it is, which serde calls a map.
+pub(super) fn date_in_words(date: &toml::value::Datetime) -> &'static str {
+    match (date.date, date.time) {
+        (Some(_), None) => "date",
+        (None, Some(_)) => "time",
+        _ => "date and time",
+    }
+}
+
 /// A Rust type as a TOML user knows it.
 fn type_in_words(expected: &str) -> String {
     match expected {

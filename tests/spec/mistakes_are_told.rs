@@ -24,6 +24,17 @@ const MISTAKES: &[(&str, &[Told])] = &[
     ("bad_syntax", &[(4, 13, "a value is missing", "expected a value"), (10, 20, "unclosed array", "expected `]`")]),
     ("budget_below_one_rollout", &[(4, 13, "1000 is smaller than one rollout", "at least one rollout")]),
     ("column_that_is_a_list", &[(15, 11, "`columns`: a list does not belong here", "expected a string")]),
+    (
+        "dates",
+        &[
+            (1, 15, "`description` cannot be a time", "expected a string"),
+            (5, 13, "`budget.env_steps`: the date 2024-01-01 does not belong here", "expected a whole number"),
+            (8, 14, "a seed cannot be a date", "a whole number"),
+            (11, 14, "`d`: the time 12:30:00 does not belong here", "expected a number"),
+            (14, 11, "`network.hidden`: the date 2024-02-29 does not belong here", "expected a whole number"),
+            (17, 23, "the date and time 2024-01-01T00:00:00Z does not belong here", "expected a number"),
+        ],
+    ),
     ("duplicate_key", &[(5, 1, "duplicate key", "")]),
     ("empty_list", &[(7, 13, "the list of `seed` is empty", "")]),
     ("environment_twice", &[(8, 29, "lists InvertedPendulum-v2 twice", "")]),

@@ -56,7 +56,7 @@ fn size(demonstration: &Demonstration) -> String {
 }
 
 /// `1 episode`, `2 episodes`.
-fn counted(n: usize, what: &str) -> String {
+pub(super) fn counted(n: usize, what: &str) -> String {
     format!("{n} {what}{}", if n == 1 { "" } else { "s" })
 }
 

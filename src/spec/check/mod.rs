@@ -14,7 +14,7 @@ use super::{
     Algorithm, Parameter,
     catalog::{Catalog, Section},
     error::SpecError,
-    names::nearest_label,
+    names::{date_in_words, nearest_label},
     source::{AxisList, Layer, Source, Step, plain_value},
 };
 use crate::env::{EnvError, EnvId};
@@ -99,7 +99,7 @@ impl<'a> Checker<'a> {
     }
 
     fn wrong_type(&mut self, value: &Value<'_>, what: &str, expected: &str) {
-        let message = format!("{what} cannot be {}", article(value.get_ref().type_str()));
+        let message = format!("{what} cannot be {}", article(value.get_ref()));
         self.wrong(value.span(), message, Some(format!("expected {expected}")));
     }
 
@@ -300,12 +300,13 @@ pub(super) fn is_file_name(name: &str) -> bool {
     (1..=100).contains(&name.len()) && !name.starts_with('.') && name.chars().all(safe)
 }
 
-fn article(kind: &str) -> String {
-    match kind {
-        "array" => "a list".into(),
-        "boolean" => "true or false".into(),
-        "integer" => "a whole number".into(),
-        "float" => "a number with a point".into(),
-        other => format!("a {other}"),
+fn article(value: &DeValue<'_>) -> String {
+    match value {
+        DeValue::Array(_) => "a list".into(),
+        DeValue::Boolean(_) => "true or false".into(),
+        DeValue::Integer(_) => "a whole number".into(),
+        DeValue::Float(_) => "a number with a point".into(),
+        DeValue::Datetime(date) => format!("a {}", date_in_words(date)),
+        DeValue::String(_) | DeValue::Table(_) => format!("a {}", value.type_str()),
     }
 }

@@ -1,0 +1,101 @@
+//! Which of the paper's values runs can be compared with.
+//!
+//! Owns that rule. Knows nothing of intervals or verdicts. Start at [`Counterpart::of`].
+//!
+//! The paper's value belongs to the paper's setting, and that is the default of every parameter, as far as we know it: the
+//! paper's tables, and our readings where it is silent (`experiments/README.md`). So runs have a counterpart where every
+//! parameter that decides what is learned is at its default: the algorithm's hyperparameters, the reward, the time limit, the
+//! networks and the rollouts. How long a run is does not count here, since verdicts see to that; nor do evaluations,
+//! checkpoints, or the demonstration, which is never the paper's. In the ablation, d and epsilon are Table 5's.
+
+use std::collections::BTreeSet;
+
+use super::{
+    recorded::Run,
+    reference::{self, PaperValue},
+};
+
+/// What the paper has beside runs that differ in their seeds.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Counterpart {
+    /// Its value.
+    pub value: Option<PaperValue>,
+    /// The parameters that are not the paper's, where it has a value for the algorithm: then there is none for these runs.
+    pub departures: BTreeSet<String>,
+}
+
+impl Counterpart {
+    /// The counterpart of `runs`.
+    ///
+    /// Where `ablation` is asked for, MCPO's in Table 5's environment is Table 5's value for its d and epsilon: the paper's
+    /// tables disagree about the one setting that both have. Else it is that of Tables 3 and 4.
+    pub fn of(runs: &[&Run], ablation: bool) -> Self {
+        let Some(spec) = runs.first().map(|run| &run.spec) else { return Self::default() };
+        let (env, algorithm) = (spec.env.name(), spec.algorithm_name());
+        let mut departures: BTreeSet<String> = runs.iter().flat_map(|run| run.spec.departures()).collect();
+        let value = if ablation && env == reference::ABLATION_ENV && algorithm == "mcpo" {
+            departures.retain(|key| !["mcpo.d", "mcpo.epsilon"].contains(&key.as_str()));
+            spec.d().zip(spec.epsilon()).and_then(|(d, epsilon)| reference::ablation(d, epsilon))
+        } else {
+            reference::returns(env).and_then(|row| row.of(algorithm))
+        };
+        match value {
+            None => Self::default(),
+            Some(_) if !departures.is_empty() => Self { value: None, departures },
+            value => Self { value, departures },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{env::EnvId, report::fixture};
+
+    fn value(run: &Run, ablation: bool) -> Option<f64> {
+        Counterpart::of(&[run], ablation).value.map(|value| value.mean)
+    }
+
+    #[test]
+    fn runs_that_depart_from_the_defaults_have_none() {
+        let mmd_il = |more: &str| fixture::run("mmd_il", &format!("env = [\"Hopper-v2\"]\nseed = [0]\n{more}"));
+        assert_eq!(value(&mmd_il(""), false), Some(118.66));
+        for (more, departures) in [
+            ("\"mmd.bandwidth\" = [\"median\"]", &["mmd_il.mmd.bandwidth"][..]),
+            (
+                "\"mmd.samples\" = [\"demo_states\"]\n\"mmd_il.trpo.max_kl\" = [0.1]",
+                &["mmd_il.mmd.samples", "mmd_il.trpo.max_kl"],
+            ),
+            ("\"network.hidden\" = [[64, 64]]", &["network.hidden"]),
+            ("\"evaluation.episodes\" = [7]", &[]),
+        ] {
+            let (run, other) = (mmd_il(more), mmd_il(""));
+            let counterpart = Counterpart::of(&[&other, &run], false);
+            assert_eq!(counterpart.departures.iter().collect::<Vec<_>>(), departures, "{more}");
+            assert_eq!(counterpart.value.is_some(), departures.is_empty(), "{more}");
+        }
+        let trpo = fixture::run("trpo", "env = [\"Hopper-v2\"]\nseed = [0]\nmax_kl = [0.1]");
+        assert_eq!(Counterpart::of(&[&trpo], false), Counterpart::default(), "the paper has no TRPO");
+    }
+
+    #[test]
+    fn the_default_constraint_is_table_2s() {
+        for env in EnvId::ALL {
+            let spec = fixture::run("mcpo", &format!("env = [\"{env}\"]\nseed = [0]")).spec;
+            let table2 = reference::constraint(env.name()).expect("a row");
+            assert_eq!((spec.d(), spec.epsilon()), (Some(table2.d), Some(table2.epsilon)), "{env}");
+        }
+    }
+
+    #[test]
+    fn table_5_is_the_reference_of_an_ablation_and_table_3_of_a_comparison() {
+        let run = fixture::mcpo("HalfCheetah-v2", 1e-3, 1e-3, 0);
+        assert_eq!((value(&run, true), value(&run, false)), (Some(3286.78), Some(3541.23)));
+        assert_eq!(value(&fixture::mcpo("HalfCheetah-v2", 1.0, 0.0, 0), true), Some(-586.52));
+        assert_eq!(value(&fixture::mcpo("HalfCheetah-v2", 1e-2, 0.0, 0), true), None, "Table 5 has no such row");
+        assert_eq!(value(&fixture::mcpo("HalfCheetah-v2", 1.0, 0.0, 0), false), None);
+        let axes = "env = [\"HalfCheetah-v2\"]\nseed = [0]\nd = [1.0]\nepsilon = [0.0]\nmax_kl = [0.1]";
+        let counterpart = Counterpart::of(&[&fixture::run("mcpo", axes)], true);
+        assert_eq!((counterpart.value, counterpart.departures), (None, ["mcpo.max_kl".to_owned()].into()));
+    }
+}
