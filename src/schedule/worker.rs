@@ -8,7 +8,6 @@ use std::{
     process::ExitCode,
     sync::Mutex,
     thread,
-    time::Duration,
 };
 
 use tracing::{Level, error};
@@ -24,10 +23,6 @@ use crate::{
     record::{Checkpoint, Claim, Manifest, Outcome, RecordError, RunPaths, Stamp, now},
     train::{self, Ending, TrainError},
 };
-
-/// How long a worker tries for a claim: whoever asks for the state of a run holds it for a moment.
-const CLAIM_TRIES: u32 = 20;
-const CLAIM_PAUSE: Duration = Duration::from_millis(50);
 
 /// What can go wrong in a worker.
 #[derive(Debug, thiserror::Error)]
@@ -72,7 +67,7 @@ fn work() -> Result<Event, WorkerError> {
     let spec: RunSpec =
         serde_json::from_value(job.stamp.spec.clone()).map_err(|error| WorkerError::Job(error.to_string()))?;
     let paths = RunPaths::new(&job.results, &spec.experiment, &spec.id)?;
-    let Some(_claim) = claim(&paths)? else { return Ok(Event::Claimed) };
+    let Some(_claim) = Claim::take(&paths)? else { return Ok(Event::Claimed) };
     if let Some(ended) = paths.ended()? {
         refuse_another(&paths.complete, &ended, &job.stamp)?;
         if ended.outcome == Outcome::Finished {
@@ -112,16 +107,6 @@ fn read_job(stop: &StopRequest) -> Result<Job, WorkerError> {
     };
     thread::Builder::new().name("parent".to_owned()).spawn(watch_parent).map_err(WorkerError::SetUp)?;
     Ok(job)
-}
-
-fn claim(paths: &RunPaths) -> Result<Option<Claim>, RecordError> {
-    for _ in 1..CLAIM_TRIES {
-        if let Some(claim) = Claim::take(paths)? {
-            return Ok(Some(claim));
-        }
-        thread::sleep(CLAIM_PAUSE);
-    }
-    Claim::take(paths)
 }
 
 fn refuse_another(folder: &Path, found: &Manifest, stamp: &Stamp) -> Result<(), WorkerError> {
