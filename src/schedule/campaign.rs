@@ -10,7 +10,7 @@ use super::{
     Executor,
     cost::CostModel,
     event::{Event, Job, Message},
-    failure,
+    failure::{self, Found},
     progress::{Progress, clock},
     state::{Planned, RunState},
     stop::StopRequest,
@@ -107,11 +107,20 @@ struct Campaign<'a> {
 struct Worker {
     began: Instant,
     last_sign: Instant,
-    env_steps: u64,
+    /// Absent until it has begun.
+    env_steps: Option<u64>,
     last_return: Option<f64>,
     /// Its last word: finished, stopped, claimed or failed.
     verdict: Option<Event>,
     hung: bool,
+}
+
+impl Worker {
+    /// What is told of one that has finished.
+    fn finished(&self) -> String {
+        let mean = self.last_return.map_or_else(String::new, |mean| format!(", return {mean:.1}"));
+        format!("finished in {}{mean}", clock(self.began.elapsed().as_secs_f64()))
+    }
 }
 
 impl Campaign<'_> {
@@ -162,11 +171,17 @@ impl Campaign<'_> {
         match self.executor.start(number, &job) {
             Ok(()) => {
                 let now = Instant::now();
-                let worker =
-                    Worker { began: now, last_sign: now, env_steps: 0, last_return: None, verdict: None, hung: false };
+                let worker = Worker {
+                    began: now,
+                    last_sign: now,
+                    env_steps: None,
+                    last_return: None,
+                    verdict: None,
+                    hung: false,
+                };
                 self.running.insert(number, worker);
             }
-            Err(error) => self.fail(number, format!("cannot start a process for it: {error}"), &[], 0),
+            Err(error) => self.fail(number, None, &format!("cannot start a process for it: {error}"), &[]),
         }
     }
 
@@ -175,13 +190,13 @@ impl Campaign<'_> {
         worker.last_sign = Instant::now();
         match event {
             Event::Began { from_env_steps } => {
-                worker.env_steps = from_env_steps;
+                worker.env_steps = Some(from_env_steps);
                 let spec = &self.due[number].spec;
                 let (budget, seconds) = (spec.budget.env_steps.get(), self.costs.seconds(spec));
                 self.progress.begin(number, &spec.id, from_env_steps, budget, seconds);
             }
             Event::Iteration { env_steps, training_return } => {
-                worker.env_steps = env_steps;
+                worker.env_steps = Some(env_steps);
                 self.progress.iteration(number, env_steps, training_return);
             }
             Event::Evaluation { env_steps, dense_return, last } => {
@@ -194,13 +209,8 @@ impl Campaign<'_> {
 
     fn end(&mut self, number: usize, how: &str, stderr: &[String]) {
         let Some(worker) = self.running.remove(&number) else { return };
-        match worker.verdict {
-            Some(Event::Finished) => {
-                self.summary.finished += 1;
-                let mean = worker.last_return.map_or_else(String::new, |mean| format!(", return {mean:.1}"));
-                let told = format!("finished in {}{mean}", clock(worker.began.elapsed().as_secs_f64()));
-                self.progress.end(number, true, Some(&told));
-            }
+        match &worker.verdict {
+            Some(Event::Finished) => self.finish(number, &worker.finished()),
             Some(Event::Stopped) => {
                 self.progress.end(number, false, None);
                 if !self.stopping {
@@ -208,31 +218,52 @@ impl Campaign<'_> {
                     self.progress.complain(&format!("{}: stopped from outside", self.due[number].spec.id));
                 }
             }
-            Some(Event::Claimed) => {
-                self.progress.end(number, false, None);
-                self.progress.say(&format!("{}: another process works on it", self.due[number].spec.id));
-                self.elsewhere.push(number);
-            }
-            Some(Event::Failed { error }) => self.fail(number, error, stderr, worker.env_steps),
+            Some(Event::Claimed) => self.leave(number),
+            Some(Event::Failed { error }) => self.fail(number, Some(&worker), error, stderr),
             // A second Ctrl-C reaches the workers too.
-            _ if self.stopping && !worker.hung => self.progress.end(number, false, None),
+            _ if self.stopping && !worker.hung => match self.due[number].state() {
+                Ok(RunState::Finished(_)) => self.finish(number, &worker.finished()),
+                _ => self.progress.end(number, false, None),
+            },
             _ => {
                 let cause = if worker.hung {
                     format!("no progress for {} s, then killed", self.options.hang_timeout.as_secs())
                 } else {
                     failure::cause(how, stderr)
                 };
-                self.fail(number, cause, stderr, worker.env_steps);
+                self.fail(number, Some(&worker), &cause, stderr);
             }
         }
     }
 
-    /// Records a failure, and tries again where that is wanted.
-    fn fail(&mut self, number: usize, error: String, stderr: &[String], env_steps: u64) {
+    /// Counts a run as finished; `how` is told.
+    fn finish(&mut self, number: usize, how: &str) {
+        self.summary.finished += 1;
+        self.progress.end(number, true, Some(how));
+    }
+
+    /// Leaves a run to the process that has taken it up.
+    fn leave(&mut self, number: usize) {
+        self.progress.end(number, false, None);
+        self.progress.say(&format!("{}: another process works on it", self.due[number].spec.id));
+        self.elsewhere.push(number);
+    }
+
+    /// Records a failure, and tries again where that is wanted. `worker` is absent where no process could be started.
+    fn fail(&mut self, number: usize, worker: Option<&Worker>, error: &str, stderr: &[String]) {
         let run = &self.due[number];
+        let again = !self.stopping && self.failures[number] < self.options.retries;
+        let kept = failure::record(run, error, stderr, worker.and_then(|worker| worker.env_steps), !again);
+        match kept {
+            // Its process died between the last record and its last word.
+            Ok(Found::Finished) => {
+                let here = worker.map(|worker| format!("{}; after that: {error}", worker.finished()));
+                return self.finish(number, here.as_deref().unwrap_or("finished by another process"));
+            }
+            Ok(Found::TakenUp) => return self.leave(number),
+            Ok(Found::Failed) | Err(_) => {}
+        }
         self.failures[number] += 1;
-        let again = !self.stopping && self.failures[number] <= self.options.retries;
-        let kept = failure::record(run, &error, stderr, env_steps, !again);
         self.progress.end(number, !again, None);
         if again {
             let (failed, retries) = (self.failures[number], self.options.retries);
@@ -244,7 +275,7 @@ impl Campaign<'_> {
         if let Err(refused) = kept {
             self.progress.complain(&format!("{}: the failure cannot be recorded: {refused}", run.spec.id));
         }
-        self.summary.failed.push((run.spec.id.clone(), error));
+        self.summary.failed.push((run.spec.id.clone(), error.to_owned()));
         if self.options.fail_fast && !self.stopping {
             self.stop("stopping after the first failure: the other runs write a checkpoint");
         }
