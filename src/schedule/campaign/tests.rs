@@ -19,6 +19,8 @@ struct Script {
     started: Vec<usize>,
     threads: Vec<usize>,
     most: usize,
+    /// How many jobs ran, and how many had been started, whenever the campaign waited.
+    waits: Vec<(usize, usize)>,
     stopped: Vec<usize>,
     /// Jobs that are asked to stop leave without a word.
     abrupt: bool,
@@ -49,6 +51,7 @@ impl Executor for Script {
     }
 
     fn wait(&mut self, timeout: Duration) -> Option<(usize, Message)> {
+        self.waits.push((self.running.len(), self.started.len()));
         let message = self.told.pop_front();
         match &message {
             Some((number, Message::Exited { .. })) => self.running.retain(|running| running != number),
@@ -298,6 +301,16 @@ fn no_more_run_together_than_wanted_and_the_longest_begin_first() {
     let summary = play_due(&mut script, OPTIONS, &due, folder.path());
     assert_eq!((summary.finished, script.most), (4, 2));
     assert_eq!(script.started, [1, 3, 2, 0]);
+}
+
+#[test]
+fn no_place_stays_empty_while_a_run_waits() {
+    let mut script = Script::default();
+    script.lives.insert(1, [crashes(), finishes(1.0)].into());
+    let (summary, ..) = play(&mut script, Options { jobs: 3, retries: 1, ..OPTIONS }, 7);
+    assert_eq!((summary.finished, script.started.len()), (7, 8));
+    let idle = script.waits.iter().find(|&&(running, started)| running < 3 && started < 8);
+    assert_eq!(idle, None, "running and started");
 }
 
 #[test]
