@@ -290,6 +290,13 @@ impl Campaign<'_> {
         }
     }
 
+    /// Lets a run wait, behind those that will take as long or longer.
+    fn queue_up(&mut self, number: usize) {
+        let seconds = |number: usize| self.costs.seconds(&self.due[number].spec);
+        let place = self.queue.partition_point(|&waiting| seconds(waiting) >= seconds(number));
+        self.queue.insert(place, number);
+    }
+
     /// Takes up the runs of other processes that let go of them.
     fn look_around(&mut self) {
         if self.looked_around.elapsed() < LOOK_AROUND {
@@ -312,7 +319,7 @@ impl Campaign<'_> {
                     self.progress.complain(&format!("{}: failed in another process: {error}", run.spec.id));
                     self.summary.failed.push((run.spec.id.clone(), error));
                 }
-                _ => self.queue.push_back(number),
+                _ => self.queue_up(number),
             }
         }
     }

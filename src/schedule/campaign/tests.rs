@@ -330,3 +330,18 @@ fn a_run_of_another_process_is_waited_for_and_taken_up_when_it_is_let_go() {
     });
     assert_eq!((summary.finished, script.started.len()), (1, 2));
 }
+
+#[test]
+fn a_run_that_another_process_lets_go_waits_in_its_place_of_the_queue() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut due: Vec<Planned> = (0..3).map(|seed| planned(folder.path(), "e", seed)).collect();
+    for (run, env_steps) in due.iter_mut().zip([100, 400, 200]) {
+        run.spec.budget.env_steps = constant(env_steps);
+    }
+    let mut script = Script::default();
+    script.lives.insert(1, [vec![Message::Event(Event::Claimed), exited("exit code 0")]].into());
+    script.lives.insert(2, [vec![began()]].into()); // longer than the pause between two looks around
+    let hang_timeout = LOOK_AROUND + Duration::from_millis(500);
+    play_due(&mut script, Options { jobs: 1, hang_timeout, ..OPTIONS }, &due, folder.path());
+    assert_eq!(script.started, [1, 2, 1, 0]);
+}
