@@ -19,6 +19,8 @@ use crate::record::Claim;
 
 /// The pause between two looks at everything.
 const TICK: Duration = Duration::from_millis(100);
+/// A longer pause was none of the loop's: the program itself stood still, stopped by Ctrl-Z or with the whole machine.
+const STOOD_STILL: Duration = Duration::from_secs(1);
 /// The pause between two looks at the runs of other processes.
 const LOOK_AROUND: Duration = Duration::from_secs(1);
 
@@ -77,6 +79,7 @@ pub fn run(
         running: BTreeMap::new(),
         elsewhere: Vec::new(),
         looked_around: Instant::now(),
+        looked: Instant::now(),
         failures: vec![0; due.len()],
         stopping: false,
         summary: Summary::default(),
@@ -97,6 +100,8 @@ struct Campaign<'a> {
     /// Runs that another process has claimed.
     elsewhere: Vec<usize>,
     looked_around: Instant,
+    /// When the workers were last looked at.
+    looked: Instant,
     /// How often each run has failed in this call.
     failures: Vec<u32>,
     stopping: bool,
@@ -106,7 +111,8 @@ struct Campaign<'a> {
 /// A job under way.
 struct Worker {
     began: Instant,
-    last_sign: Instant,
+    /// How long it has told nothing while the campaign listened.
+    silent: Duration,
     /// Absent until it has begun.
     env_steps: Option<u64>,
     last_return: Option<f64>,
@@ -170,10 +176,9 @@ impl Campaign<'_> {
         let job = Job { results: self.results.to_owned(), stamp: run.stamp.clone(), verbose, threads };
         match self.executor.start(number, &job) {
             Ok(()) => {
-                let now = Instant::now();
                 let worker = Worker {
-                    began: now,
-                    last_sign: now,
+                    began: Instant::now(),
+                    silent: Duration::ZERO,
                     env_steps: None,
                     last_return: None,
                     verdict: None,
@@ -187,7 +192,7 @@ impl Campaign<'_> {
 
     fn hear(&mut self, number: usize, event: Event) {
         let Some(worker) = self.running.get_mut(&number) else { return };
-        worker.last_sign = Instant::now();
+        worker.silent = Duration::ZERO;
         match event {
             Event::Began { from_env_steps } => {
                 worker.env_steps = Some(from_env_steps);
@@ -282,8 +287,12 @@ impl Campaign<'_> {
     }
 
     fn kill_hung(&mut self) {
+        let now = Instant::now();
+        let passed = now.duration_since(self.looked).min(STOOD_STILL);
+        self.looked = now;
         for (&number, worker) in &mut self.running {
-            if !worker.hung && worker.last_sign.elapsed() >= self.options.hang_timeout {
+            worker.silent += passed;
+            if !worker.hung && worker.silent >= self.options.hang_timeout {
                 worker.hung = true;
                 self.executor.kill(number);
             }

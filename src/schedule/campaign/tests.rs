@@ -22,6 +22,9 @@ struct Script {
     /// How many jobs ran, and how many had been started, whenever the campaign waited.
     waits: Vec<(usize, usize)>,
     stopped: Vec<usize>,
+    killed: Vec<usize>,
+    /// The campaign stands still for so long when it first waits.
+    stands_still: Option<Duration>,
     /// Jobs that are asked to stop leave without a word.
     abrupt: bool,
     /// Asks for a stop when so many jobs have been started.
@@ -52,6 +55,7 @@ impl Executor for Script {
 
     fn wait(&mut self, timeout: Duration) -> Option<(usize, Message)> {
         self.waits.push((self.running.len(), self.started.len()));
+        std::thread::sleep(self.stands_still.take().unwrap_or_default());
         let message = self.told.pop_front();
         match &message {
             Some((number, Message::Exited { .. })) => self.running.retain(|running| running != number),
@@ -68,6 +72,7 @@ impl Executor for Script {
     }
 
     fn kill(&mut self, number: usize) {
+        self.killed.push(number);
         self.exit(number, None, "killed by signal 9 (SIGKILL)");
     }
 }
@@ -275,6 +280,14 @@ fn a_run_that_hangs_is_killed() {
     let (summary, ..) = play(&mut script, Options { hang_timeout: Duration::from_millis(50), ..OPTIONS }, 2);
     assert_eq!((summary.finished, summary.failed.len()), (1, 1));
     assert!(summary.failed[0].1.contains("no progress"), "{}", summary.failed[0].1);
+}
+
+#[test]
+fn time_in_which_the_program_stood_still_itself_is_not_held_against_the_workers() {
+    let still = Duration::from_millis(2500); // Ctrl-Z, and later `fg`
+    let mut script = Script { stands_still: Some(still), ..Script::default() };
+    let (summary, ..) = play(&mut script, Options { hang_timeout: Duration::from_secs(2), ..OPTIONS }, 2);
+    assert_eq!((summary.finished, script.killed.as_slice()), (2, [].as_slice()));
 }
 
 #[test]
