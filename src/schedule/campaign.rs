@@ -268,6 +268,9 @@ impl Campaign<'_> {
             Ok(Found::TakenUp) => return self.leave(number),
             Ok(Found::Failed) | Err(_) => {}
         }
+        if let Err(refused) = kept {
+            self.progress.complain(&format!("{}: the failure cannot be recorded: {refused}", run.spec.id));
+        }
         self.failures[number] += 1;
         self.progress.end(number, !again, None);
         if again {
@@ -277,9 +280,6 @@ impl Campaign<'_> {
             return;
         }
         self.progress.complain(&format!("{}: failed: {error}", run.spec.id));
-        if let Err(refused) = kept {
-            self.progress.complain(&format!("{}: the failure cannot be recorded: {refused}", run.spec.id));
-        }
         self.summary.failed.push((run.spec.id.clone(), error.to_owned()));
         if self.options.fail_fast && !self.stopping {
             self.stop("stopping after the first failure: the other runs write a checkpoint");
@@ -314,7 +314,8 @@ impl Campaign<'_> {
         self.looked_around = Instant::now();
         for number in std::mem::take(&mut self.elsewhere) {
             let run = &self.due[number];
-            if !matches!(Claim::is_held(&run.paths), Ok(false)) {
+            // What cannot be read is for a worker to tell.
+            if matches!(Claim::is_held(&run.paths), Ok(true)) {
                 self.elsewhere.push(number);
                 continue;
             }

@@ -55,6 +55,7 @@ impl Executor for Script {
 
     fn wait(&mut self, timeout: Duration) -> Option<(usize, Message)> {
         self.waits.push((self.running.len(), self.started.len()));
+        assert!(self.waits.len() < 10_000, "it waits for ever");
         std::thread::sleep(self.stands_still.take().unwrap_or_default());
         let message = self.told.pop_front();
         match &message {
@@ -288,6 +289,21 @@ fn time_in_which_the_program_stood_still_itself_is_not_held_against_the_workers(
     let mut script = Script { stands_still: Some(still), ..Script::default() };
     let (summary, ..) = play(&mut script, Options { hang_timeout: Duration::from_secs(2), ..OPTIONS }, 2);
     assert_eq!((summary.finished, script.killed.as_slice()), (2, [].as_slice()));
+}
+
+#[test]
+fn a_run_whose_claim_can_no_longer_be_read_is_not_waited_for() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let due = [planned(folder.path(), "e", 0)];
+    let claims = folder.path().join("e/.claims");
+    std::fs::create_dir_all(folder.path().join("e")).expect("made");
+    std::fs::write(&claims, "in the way").expect("written");
+    let mut script = Script::default();
+    let refused = Event::Failed { error: "cannot claim it".to_owned() };
+    let lives = [Event::Claimed, refused].map(|event| vec![Message::Event(event), exited("exit code 1")]);
+    script.lives.insert(0, lives.into());
+    let summary = play_due(&mut script, OPTIONS, &due, folder.path());
+    assert_eq!(summary.failed, [(due[0].spec.id.clone(), "cannot claim it".to_owned())]);
 }
 
 #[test]
