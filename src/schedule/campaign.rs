@@ -217,7 +217,7 @@ impl Campaign<'_> {
         match &worker.verdict {
             Some(Event::Finished) => self.finish(number, &worker.finished()),
             Some(Event::Stopped) => {
-                self.progress.end(number, false, None);
+                self.progress.leave(number);
                 if !self.stopping {
                     // Somebody stopped this one alone, who will know why.
                     self.progress.complain(&format!("{}: stopped from outside", self.due[number].spec.id));
@@ -228,7 +228,7 @@ impl Campaign<'_> {
             // A second Ctrl-C reaches the workers too.
             _ if self.stopping && !worker.hung => match self.due[number].state() {
                 Ok(RunState::Finished(_)) => self.finish(number, &worker.finished()),
-                _ => self.progress.end(number, false, None),
+                _ => self.progress.leave(number),
             },
             _ => {
                 let cause = if worker.hung {
@@ -244,12 +244,17 @@ impl Campaign<'_> {
     /// Counts a run as finished; `how` is told.
     fn finish(&mut self, number: usize, how: &str) {
         self.summary.finished += 1;
-        self.progress.end(number, true, Some(how));
+        self.show_end(number);
+        self.progress.say(&format!("{}: {how}", self.due[number].spec.id));
+    }
+
+    fn show_end(&mut self, number: usize) {
+        self.progress.end(number, self.costs.seconds(&self.due[number].spec));
     }
 
     /// Leaves a run to the process that has taken it up.
     fn leave(&mut self, number: usize) {
-        self.progress.end(number, false, None);
+        self.progress.leave(number);
         self.progress.say(&format!("{}: another process works on it", self.due[number].spec.id));
         self.elsewhere.push(number);
     }
@@ -272,13 +277,14 @@ impl Campaign<'_> {
             self.progress.complain(&format!("{}: the failure cannot be recorded: {refused}", run.spec.id));
         }
         self.failures[number] += 1;
-        self.progress.end(number, !again, None);
         if again {
+            self.progress.leave(number);
             let (failed, retries) = (self.failures[number], self.options.retries);
             self.progress.complain(&format!("{}: {error}; trying again ({failed} of {retries})", run.spec.id));
             self.queue.push_front(number);
             return;
         }
+        self.show_end(number);
         self.progress.complain(&format!("{}: failed: {error}", run.spec.id));
         self.summary.failed.push((run.spec.id.clone(), error.to_owned()));
         if self.options.fail_fast && !self.stopping {
@@ -320,12 +326,10 @@ impl Campaign<'_> {
                 continue;
             }
             match run.state() {
-                Ok(RunState::Finished(_)) => {
-                    self.summary.finished += 1;
-                    self.progress.say(&format!("{}: finished by another process", run.spec.id));
-                }
+                Ok(RunState::Finished(_)) => self.finish(number, "finished by another process"),
                 Ok(RunState::Failed(manifest)) => {
                     let error = manifest.error().unwrap_or("it did not end").to_owned();
+                    self.show_end(number);
                     self.progress.complain(&format!("{}: failed in another process: {error}", run.spec.id));
                     self.summary.failed.push((run.spec.id.clone(), error));
                 }

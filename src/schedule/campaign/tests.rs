@@ -114,9 +114,15 @@ fn play(script: &mut Script, options: Options, count: u64) -> (Summary, Vec<Plan
 
 /// The same with runs whose places under `results` a test has prepared.
 fn play_due(script: &mut Script, options: Options, due: &[Planned], results: &Path) -> Summary {
+    play_shown(script, options, due, results).0
+}
+
+/// The same with what was shown of it.
+fn play_shown(script: &mut Script, options: Options, due: &[Planned], results: &Path) -> (Summary, Progress) {
     let stop = script.stop_at.as_ref().map_or_else(StopRequest::default, |(_, stop)| stop.clone());
     let mut progress = Progress::new(Style::Quiet, false, due.len(), 1.0);
-    run(due, results, options, &CostModel::default(), script, &stop, &mut progress)
+    let summary = run(due, results, options, &CostModel::default(), script, &stop, &mut progress);
+    (summary, progress)
 }
 
 /// Records `outcome` of `run` in its place, as a process of its own does.
@@ -289,6 +295,23 @@ fn time_in_which_the_program_stood_still_itself_is_not_held_against_the_workers(
     let mut script = Script { stands_still: Some(still), ..Script::default() };
     let (summary, ..) = play(&mut script, Options { hang_timeout: Duration::from_secs(2), ..OPTIONS }, 2);
     assert_eq!((summary.finished, script.killed.as_slice()), (2, [].as_slice()));
+}
+
+#[test]
+fn runs_that_end_without_having_begun_here_are_shown_as_done() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let due: Vec<Planned> = (0..4).map(|seed| planned(folder.path(), "e", seed)).collect();
+    ended(&due[2], Outcome::Finished);
+    ended(&due[3], failed("theirs"));
+    let mut script = Script::default();
+    script.lives.insert(0, [vec![Message::Event(Event::Finished), exited("exit code 0")]].into());
+    script.lives.insert(1, [vec![exited("exit code 3")]].into());
+    for number in 2..4 {
+        script.lives.insert(number, [vec![Message::Event(Event::Claimed), exited("exit code 0")]].into());
+    }
+    let (summary, progress) = play_shown(&mut script, OPTIONS, &due, folder.path());
+    assert_eq!((summary.finished, summary.failed.len()), (2, 2));
+    assert!(progress.status().contains("4 of 4 runs done"), "{}", progress.status());
 }
 
 #[test]
