@@ -81,16 +81,7 @@ impl Executor for LocalProcesses {
         // A worker that is dead already shows it by its exit.
         let _ = stdin.write_all(&line).and_then(|()| stdin.flush());
         let sender = self.sender.clone();
-        thread::spawn(move || {
-            for line in BufReader::new(stdout).lines().map_while(Result::ok) {
-                // The physics engine may print too: what is no event is no message.
-                let Ok(event) = serde_json::from_str(&line) else { continue };
-                if sender.send((number, Told::Event(event))).is_err() {
-                    return;
-                }
-            }
-            let _ = sender.send((number, Told::End)); // nobody listens any more when this fails
-        });
+        thread::spawn(move || pass_on(number, stdout, &sender));
         let stderr = thread::spawn(move || last_lines(stderr));
         self.processes.insert(number, Process { child, stderr, silent: false });
         Ok(())
@@ -127,6 +118,18 @@ impl Executor for LocalProcesses {
             let _ = process.child.kill(); // fails when it is dead already
         }
     }
+}
+
+/// Sends on what the process of job `number` tells on `stdout`, to its end.
+fn pass_on(number: usize, stdout: impl Read, sender: &Sender<(usize, Told)>) {
+    for line in BufReader::new(stdout).split(b'\n').map_while(Result::ok) {
+        // The physics engine may print too: what is no event is no message.
+        let Ok(event) = serde_json::from_slice(&line) else { continue };
+        if sender.send((number, Told::Event(event))).is_err() {
+            return;
+        }
+    }
+    let _ = sender.send((number, Told::End)); // nobody listens any more when this fails
 }
 
 /// The cores that this process may use, two threads of one core counted once.
@@ -191,5 +194,16 @@ mod tests {
         let endless = vec![b'x'; 1_000_000];
         assert!(last_lines(endless.as_slice()).iter().all(|line| line.len() <= STDERR_WIDTH));
         assert_eq!(last_lines(b"\xff no text".as_slice()), ["\u{fffd} no text"]);
+    }
+
+    #[test]
+    fn what_is_no_event_is_passed_over_text_or_not() {
+        let (sender, receiver) = mpsc::channel();
+        let mut told = b"a warning\n\xff no text\n".to_vec();
+        told.extend(serde_json::to_vec(&Event::Finished).expect("JSON"));
+        pass_on(5, told.as_slice(), &sender);
+        drop(sender);
+        let passed: Vec<_> = receiver.into_iter().collect();
+        assert!(matches!(passed.as_slice(), [(5, Told::Event(Event::Finished)), (5, Told::End)]), "{passed:?}");
     }
 }
