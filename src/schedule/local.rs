@@ -3,7 +3,7 @@
 use std::{
     collections::{BTreeMap, BTreeSet, VecDeque},
     io::{self, BufRead, BufReader, Read, Write},
-    path::PathBuf,
+    path::{Path, PathBuf},
     process::{Child, Command, ExitStatus, Stdio},
     sync::mpsc::{self, Receiver, Sender},
     thread::{self, JoinHandle},
@@ -15,6 +15,8 @@ use super::{
     event::{Event, Job, Message},
 };
 
+/// On Linux, the program that runs: that very one, when its file has been replaced or removed meanwhile.
+const THIS_PROGRAM: &str = "/proc/self/exe";
 /// The lines of stderr that are kept of each process.
 const STDERR_LINES: usize = 40;
 /// The length at which a line of stderr is cut, bytes.
@@ -44,12 +46,15 @@ enum Told {
 }
 
 impl LocalProcesses {
-    /// Processes of this very program.
+    /// Processes of this very program, also when another is built under way: what computes a run is what its stamp says.
+    /// Systems other than Linux start what they find in the program's file.
     ///
     /// Errors: its file is gone.
     pub fn new() -> io::Result<Self> {
         let (sender, receiver) = mpsc::channel();
-        Ok(Self { program: std::env::current_exe()?, processes: BTreeMap::new(), sender, receiver })
+        let this = Path::new(THIS_PROGRAM);
+        let program = if this.exists() { this.to_owned() } else { std::env::current_exe()? };
+        Ok(Self { program, processes: BTreeMap::new(), sender, receiver })
     }
 
     /// A process that has ended since the last look.
@@ -68,12 +73,11 @@ impl Executor for LocalProcesses {
     fn start(&mut self, number: usize, job: &Job) -> io::Result<()> {
         let mut line = serde_json::to_vec(job)?;
         line.push(b'\n');
-        let mut child = Command::new(&self.program)
-            .arg("worker")
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()?;
+        let mut command = Command::new(&self.program);
+        #[cfg(unix)]
+        std::os::unix::process::CommandExt::arg0(&mut command, env!("CARGO_PKG_NAME"));
+        let mut child =
+            command.arg("worker").stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn()?;
         let (Some(stdin), Some(stdout), Some(stderr)) = (&mut child.stdin, child.stdout.take(), child.stderr.take())
         else {
             unreachable!("all three pipes were asked for")

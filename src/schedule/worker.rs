@@ -1,7 +1,7 @@
 //! The worker process: reads a job from stdin, trains and records the run, and tells events on stdout.
 
 use std::{
-    fs::OpenOptions,
+    fs::{self, OpenOptions},
     io::{self, BufRead, Read, Write},
     mem,
     path::{Path, PathBuf},
@@ -62,6 +62,8 @@ pub(super) fn tell(event: &Event) -> bool {
 }
 
 fn work() -> Result<Event, WorkerError> {
+    // For `top` and `killall`, to which a program that was started through /proc is `exe`; elsewhere there is no such file.
+    let _ = fs::write("/proc/self/comm", env!("CARGO_PKG_NAME"));
     let stop = StopRequest::on_signals().map_err(WorkerError::SetUp)?;
     let job = read_job(&stop)?;
     let spec: RunSpec =
