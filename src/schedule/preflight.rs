@@ -118,6 +118,13 @@ pub fn plan(specs: Vec<RunSpec>, results: &Path) -> Result<Vec<Planned>, Problem
 /// The digest of a demonstration's file, once it is known to fit.
 fn digest(path: &Path, env: EnvId) -> Result<String, DemoError> {
     Demonstration::read_for(path, env)?;
+    content(path)
+}
+
+/// The digest of a demonstration's file, whatever it holds.
+///
+/// Errors: it cannot be read.
+pub(super) fn content(path: &Path) -> Result<String, DemoError> {
     let bytes =
         fs::read(path).map_err(|error| DemoError::Unreadable { path: path.to_owned(), reason: error.to_string() })?;
     Ok(blake3::hash(&bytes).to_hex().to_string())

@@ -14,11 +14,13 @@ use tracing::{Level, error};
 
 use super::{
     event::{Event, Job},
+    preflight,
     recorder::Recorder,
     stop::{INTERRUPTED, StopRequest},
 };
 use crate::{
     arithmetic::threads,
+    demo::DemoError,
     plan::RunSpec,
     record::{Checkpoint, Claim, Manifest, Outcome, RecordError, RunPaths, Stamp, now},
     train::{self, Ending, TrainError},
@@ -37,6 +39,10 @@ enum WorkerError {
     Train(#[from] TrainError),
     #[error("{} was recorded by another specification (fingerprint {found}; this one has {expected})", folder.display())]
     AnotherRun { folder: PathBuf, found: String, expected: String },
+    #[error(transparent)]
+    Demonstration(#[from] DemoError),
+    #[error("{} is not the demonstration that it was when the program was called", .0.display())]
+    AnotherDemonstration(PathBuf),
 }
 
 /// Does the job that stdin holds.
@@ -75,6 +81,11 @@ fn work() -> Result<Event, WorkerError> {
         if ended.outcome == Outcome::Finished {
             return Ok(Event::Finished);
         }
+    }
+    if let Some((path, digest)) = spec.demonstration.as_ref().zip(job.stamp.demonstration.as_ref())
+        && preflight::content(path)? != *digest
+    {
+        return Err(WorkerError::AnotherDemonstration(path.clone()));
     }
     paths.open()?;
     start_log(&paths, job.verbose)?;
