@@ -2,10 +2,15 @@
 
 use std::{
     fs::{self, File, TryLockError},
-    io,
+    io, thread,
+    time::Duration,
 };
 
 use super::{RecordError, RunPaths, io_error};
+
+/// How often a claim is tried for, and the pause between: whoever asks whether it is held holds it for a moment.
+const TRIES: u32 = 20;
+const PAUSE: Duration = Duration::from_millis(50);
 
 /// A lock on a run, held until it is dropped or its process ends, however it ends.
 #[derive(Debug)]
@@ -14,7 +19,7 @@ pub struct Claim {
 }
 
 impl Claim {
-    /// Claims a run; `None` when somebody else holds it.
+    /// Claims a run; `None` when somebody else holds it, and goes on to for a second.
     ///
     /// Errors: the file of the lock cannot be made.
     pub fn take(paths: &RunPaths) -> Result<Option<Self>, RecordError> {
@@ -23,11 +28,15 @@ impl Claim {
             fs::create_dir_all(folder).map_err(refused)?;
         }
         let file = File::create(&paths.claim).map_err(refused)?;
-        match file.try_lock() {
-            Ok(()) => Ok(Some(Self { _file: file })),
-            Err(TryLockError::WouldBlock) => Ok(None),
-            Err(TryLockError::Error(source)) => Err(refused(source)),
+        for left in (0..TRIES).rev() {
+            match file.try_lock() {
+                Ok(()) => return Ok(Some(Self { _file: file })),
+                Err(TryLockError::WouldBlock) if left > 0 => thread::sleep(PAUSE),
+                Err(TryLockError::WouldBlock) => {}
+                Err(TryLockError::Error(source)) => return Err(refused(source)),
+            }
         }
+        Ok(None)
     }
 
     /// Whether somebody holds the claim; takes none and writes nothing.
@@ -62,5 +71,22 @@ mod tests {
         drop(claim);
         assert!(!Claim::is_held(&paths).expect("readable"));
         assert!(Claim::take(&paths).expect("no error").is_some());
+    }
+
+    #[test]
+    fn a_look_at_a_claim_keeps_nobody_from_taking_it() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let paths = RunPaths::new(folder.path(), "e", "a/seed-0").expect("a good id");
+        drop(Claim::take(&paths).expect("made"));
+        let look = File::open(&paths.claim).expect("there");
+        look.lock_shared().expect("free");
+        let taken = thread::scope(|scope| {
+            scope.spawn(move || {
+                thread::sleep(2 * PAUSE);
+                drop(look);
+            });
+            Claim::take(&paths).expect("no error")
+        });
+        assert!(taken.is_some());
     }
 }

@@ -58,7 +58,12 @@ impl RunPaths {
     /// The policy that was kept after `env_steps`.
     pub fn kept_policy(folder: &Path, env_steps: u64) -> PathBuf {
         // Leading zeros, so that names sort as numbers do.
-        folder.join("policies").join(format!("{env_steps:012}.safetensors"))
+        Self::kept_policies(folder).join(format!("{env_steps:012}.safetensors"))
+    }
+
+    /// The folder of the policies that were kept on the way.
+    fn kept_policies(folder: &Path) -> PathBuf {
+        folder.join("policies")
     }
 
     /// After how many `env_steps` the policy in `file` was kept; `None` where the file's name says nothing of it.
@@ -102,13 +107,9 @@ impl RunPaths {
             rename(&self.complete, &self.partial)?;
         }
         fs::create_dir_all(&self.partial).map_err(io_error("create", &self.partial))?;
-        for entry in fs::read_dir(&self.partial).map_err(io_error("read", &self.partial))? {
-            let entry = entry.map_err(io_error("read", &self.partial))?;
-            if entry.file_name().to_string_lossy().starts_with(WRITING) {
-                remove_if_there(&entry.path())?;
-            }
-        }
-        Ok(())
+        remove_half_written(&self.partial)?;
+        let policies = Self::kept_policies(&self.partial);
+        if policies.exists() { remove_half_written(&policies) } else { Ok(()) }
     }
 
     /// Puts what was written into its place, with `manifest` as its last word. A run that failed keeps its checkpoint, to go
@@ -169,6 +170,17 @@ pub fn check_writable(results: &Path) -> Result<(), RecordError> {
     let probe = results.join(".writable");
     write_atomically(&probe, b"")?;
     remove_if_there(&probe)
+}
+
+/// Removes the files in `folder` that nobody is there any more to put into their place.
+fn remove_half_written(folder: &Path) -> Result<(), RecordError> {
+    for entry in fs::read_dir(folder).map_err(io_error("read", folder))? {
+        let entry = entry.map_err(io_error("read", folder))?;
+        if entry.file_name().to_string_lossy().starts_with(WRITING) {
+            remove_if_there(&entry.path())?;
+        }
+    }
+    Ok(())
 }
 
 /// Removes a file, if it is there.
@@ -249,13 +261,25 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let paths = RunPaths::new(folder.path(), "e", "a/b").expect("a good id");
         paths.open().expect("made");
-        for name in [".writing-x1", "checkpoint"] {
-            fs::write(paths.partial.join(name), "half").expect("written");
+        let policy = RunPaths::kept_policy(&paths.partial, 1);
+        let policies = RunPaths::kept_policies(&paths.partial);
+        fs::create_dir(&policies).expect("made");
+        for file in [paths.partial.join(".writing-x1"), policies.join(".writing-x2")] {
+            fs::write(file, "half").expect("written");
+        }
+        for file in [RunPaths::checkpoint(&paths.partial), policy.clone()] {
+            fs::write(file, "whole").expect("written");
         }
         paths.open().expect("taken up");
-        let names: Vec<_> =
-            fs::read_dir(&paths.partial).expect("readable").map(|entry| entry.expect("e").file_name()).collect();
-        assert_eq!(names, ["checkpoint"]);
+        let files = |folder| -> Vec<_> {
+            fs::read_dir(folder)
+                .expect("readable")
+                .map(|entry| entry.expect("e").path())
+                .filter(|p| p.is_file())
+                .collect()
+        };
+        assert_eq!(files(&paths.partial), [RunPaths::checkpoint(&paths.partial)]);
+        assert_eq!(files(&policies), [policy]);
     }
 
     #[test]

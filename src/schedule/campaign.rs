@@ -10,7 +10,7 @@ use super::{
     Executor,
     cost::CostModel,
     event::{Event, Job, Message},
-    failure,
+    failure::{self, Found},
     progress::{Progress, clock},
     state::{Planned, RunState},
     stop::StopRequest,
@@ -19,6 +19,8 @@ use crate::record::Claim;
 
 /// The pause between two looks at everything.
 const TICK: Duration = Duration::from_millis(100);
+/// A longer pause was none of the loop's: the program itself stood still, stopped by Ctrl-Z or with the whole machine.
+const STOOD_STILL: Duration = Duration::from_secs(1);
 /// The pause between two looks at the runs of other processes.
 const LOOK_AROUND: Duration = Duration::from_secs(1);
 
@@ -77,6 +79,7 @@ pub fn run(
         running: BTreeMap::new(),
         elsewhere: Vec::new(),
         looked_around: Instant::now(),
+        looked: Instant::now(),
         failures: vec![0; due.len()],
         stopping: false,
         summary: Summary::default(),
@@ -97,6 +100,8 @@ struct Campaign<'a> {
     /// Runs that another process has claimed.
     elsewhere: Vec<usize>,
     looked_around: Instant,
+    /// When the workers were last looked at.
+    looked: Instant,
     /// How often each run has failed in this call.
     failures: Vec<u32>,
     stopping: bool,
@@ -106,12 +111,22 @@ struct Campaign<'a> {
 /// A job under way.
 struct Worker {
     began: Instant,
-    last_sign: Instant,
-    env_steps: u64,
+    /// How long it has told nothing while the campaign listened.
+    silent: Duration,
+    /// Absent until it has begun.
+    env_steps: Option<u64>,
     last_return: Option<f64>,
     /// Its last word: finished, stopped, claimed or failed.
     verdict: Option<Event>,
     hung: bool,
+}
+
+impl Worker {
+    /// What is told of one that has finished.
+    fn finished(&self) -> String {
+        let mean = self.last_return.map_or_else(String::new, |mean| format!(", return {mean:.1}"));
+        format!("finished in {}{mean}", clock(self.began.elapsed().as_secs_f64()))
+    }
 }
 
 impl Campaign<'_> {
@@ -161,27 +176,32 @@ impl Campaign<'_> {
         let job = Job { results: self.results.to_owned(), stamp: run.stamp.clone(), verbose, threads };
         match self.executor.start(number, &job) {
             Ok(()) => {
-                let now = Instant::now();
-                let worker =
-                    Worker { began: now, last_sign: now, env_steps: 0, last_return: None, verdict: None, hung: false };
+                let worker = Worker {
+                    began: Instant::now(),
+                    silent: Duration::ZERO,
+                    env_steps: None,
+                    last_return: None,
+                    verdict: None,
+                    hung: false,
+                };
                 self.running.insert(number, worker);
             }
-            Err(error) => self.fail(number, format!("cannot start a process for it: {error}"), &[], 0),
+            Err(error) => self.fail(number, None, &format!("cannot start a process for it: {error}"), &[]),
         }
     }
 
     fn hear(&mut self, number: usize, event: Event) {
         let Some(worker) = self.running.get_mut(&number) else { return };
-        worker.last_sign = Instant::now();
+        worker.silent = Duration::ZERO;
         match event {
             Event::Began { from_env_steps } => {
-                worker.env_steps = from_env_steps;
+                worker.env_steps = Some(from_env_steps);
                 let spec = &self.due[number].spec;
                 let (budget, seconds) = (spec.budget.env_steps.get(), self.costs.seconds(spec));
                 self.progress.begin(number, &spec.id, from_env_steps, budget, seconds);
             }
             Event::Iteration { env_steps, training_return } => {
-                worker.env_steps = env_steps;
+                worker.env_steps = Some(env_steps);
                 self.progress.iteration(number, env_steps, training_return);
             }
             Event::Evaluation { env_steps, dense_return, last } => {
@@ -194,69 +214,102 @@ impl Campaign<'_> {
 
     fn end(&mut self, number: usize, how: &str, stderr: &[String]) {
         let Some(worker) = self.running.remove(&number) else { return };
-        match worker.verdict {
-            Some(Event::Finished) => {
-                self.summary.finished += 1;
-                let mean = worker.last_return.map_or_else(String::new, |mean| format!(", return {mean:.1}"));
-                let told = format!("finished in {}{mean}", clock(worker.began.elapsed().as_secs_f64()));
-                self.progress.end(number, true, Some(&told));
-            }
+        match &worker.verdict {
+            Some(Event::Finished) => self.finish(number, &worker.finished()),
             Some(Event::Stopped) => {
-                self.progress.end(number, false, None);
+                self.progress.leave(number);
                 if !self.stopping {
                     // Somebody stopped this one alone, who will know why.
                     self.progress.complain(&format!("{}: stopped from outside", self.due[number].spec.id));
                 }
             }
-            Some(Event::Claimed) => {
-                self.progress.end(number, false, None);
-                self.progress.say(&format!("{}: another process works on it", self.due[number].spec.id));
-                self.elsewhere.push(number);
-            }
-            Some(Event::Failed { error }) => self.fail(number, error, stderr, worker.env_steps),
+            Some(Event::Claimed) => self.leave(number),
+            Some(Event::Failed { error }) => self.fail(number, Some(&worker), error, stderr),
             // A second Ctrl-C reaches the workers too.
-            _ if self.stopping && !worker.hung => self.progress.end(number, false, None),
+            _ if self.stopping && !worker.hung => match self.due[number].state() {
+                Ok(RunState::Finished(_)) => self.finish(number, &worker.finished()),
+                _ => self.progress.leave(number),
+            },
             _ => {
                 let cause = if worker.hung {
                     format!("no progress for {} s, then killed", self.options.hang_timeout.as_secs())
                 } else {
                     failure::cause(how, stderr)
                 };
-                self.fail(number, cause, stderr, worker.env_steps);
+                self.fail(number, Some(&worker), &cause, stderr);
             }
         }
     }
 
-    /// Records a failure, and tries again where that is wanted.
-    fn fail(&mut self, number: usize, error: String, stderr: &[String], env_steps: u64) {
+    /// Counts a run as finished; `how` is told.
+    fn finish(&mut self, number: usize, how: &str) {
+        self.summary.finished += 1;
+        self.show_end(number);
+        self.progress.say(&format!("{}: {how}", self.due[number].spec.id));
+    }
+
+    fn show_end(&mut self, number: usize) {
+        self.progress.end(number, self.costs.seconds(&self.due[number].spec));
+    }
+
+    /// Leaves a run to the process that has taken it up.
+    fn leave(&mut self, number: usize) {
+        self.progress.leave(number);
+        self.progress.say(&format!("{}: another process works on it", self.due[number].spec.id));
+        self.elsewhere.push(number);
+    }
+
+    /// Records a failure, and tries again where that is wanted. `worker` is absent where no process could be started.
+    fn fail(&mut self, number: usize, worker: Option<&Worker>, error: &str, stderr: &[String]) {
         let run = &self.due[number];
+        let again = !self.stopping && self.failures[number] < self.options.retries;
+        let kept = failure::record(run, error, stderr, worker.and_then(|worker| worker.env_steps), !again);
+        match kept {
+            // Its process died between the last record and its last word.
+            Ok(Found::Finished) => {
+                let here = worker.map(|worker| format!("{}; after that: {error}", worker.finished()));
+                return self.finish(number, here.as_deref().unwrap_or("finished by another process"));
+            }
+            Ok(Found::TakenUp) => return self.leave(number),
+            Ok(Found::Failed) | Err(_) => {}
+        }
+        if let Err(refused) = kept {
+            self.progress.complain(&format!("{}: the failure cannot be recorded: {refused}", run.spec.id));
+        }
         self.failures[number] += 1;
-        let again = !self.stopping && self.failures[number] <= self.options.retries;
-        let kept = failure::record(run, &error, stderr, env_steps, !again);
-        self.progress.end(number, !again, None);
         if again {
+            self.progress.leave(number);
             let (failed, retries) = (self.failures[number], self.options.retries);
             self.progress.complain(&format!("{}: {error}; trying again ({failed} of {retries})", run.spec.id));
             self.queue.push_front(number);
             return;
         }
+        self.show_end(number);
         self.progress.complain(&format!("{}: failed: {error}", run.spec.id));
-        if let Err(refused) = kept {
-            self.progress.complain(&format!("{}: the failure cannot be recorded: {refused}", run.spec.id));
-        }
-        self.summary.failed.push((run.spec.id.clone(), error));
+        self.summary.failed.push((run.spec.id.clone(), error.to_owned()));
         if self.options.fail_fast && !self.stopping {
             self.stop("stopping after the first failure: the other runs write a checkpoint");
         }
     }
 
     fn kill_hung(&mut self) {
+        let now = Instant::now();
+        let passed = now.duration_since(self.looked).min(STOOD_STILL);
+        self.looked = now;
         for (&number, worker) in &mut self.running {
-            if !worker.hung && worker.last_sign.elapsed() >= self.options.hang_timeout {
+            worker.silent += passed;
+            if !worker.hung && worker.silent >= self.options.hang_timeout {
                 worker.hung = true;
                 self.executor.kill(number);
             }
         }
+    }
+
+    /// Lets a run wait, behind those that will take as long or longer.
+    fn queue_up(&mut self, number: usize) {
+        let seconds = |number: usize| self.costs.seconds(&self.due[number].spec);
+        let place = self.queue.partition_point(|&waiting| seconds(waiting) >= seconds(number));
+        self.queue.insert(place, number);
     }
 
     /// Takes up the runs of other processes that let go of them.
@@ -267,21 +320,20 @@ impl Campaign<'_> {
         self.looked_around = Instant::now();
         for number in std::mem::take(&mut self.elsewhere) {
             let run = &self.due[number];
-            if !matches!(Claim::is_held(&run.paths), Ok(false)) {
+            // What cannot be read is for a worker to tell.
+            if matches!(Claim::is_held(&run.paths), Ok(true)) {
                 self.elsewhere.push(number);
                 continue;
             }
             match run.state() {
-                Ok(RunState::Finished(_)) => {
-                    self.summary.finished += 1;
-                    self.progress.say(&format!("{}: finished by another process", run.spec.id));
-                }
+                Ok(RunState::Finished(_)) => self.finish(number, "finished by another process"),
                 Ok(RunState::Failed(manifest)) => {
                     let error = manifest.error().unwrap_or("it did not end").to_owned();
+                    self.show_end(number);
                     self.progress.complain(&format!("{}: failed in another process: {error}", run.spec.id));
                     self.summary.failed.push((run.spec.id.clone(), error));
                 }
-                _ => self.queue.push_back(number),
+                _ => self.queue_up(number),
             }
         }
     }

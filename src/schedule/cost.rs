@@ -7,26 +7,36 @@ use crate::{env::EnvId, plan::RunSpec, record::Manifest};
 /// The expected duration of runs.
 #[derive(Debug, Clone, Default)]
 pub struct CostModel {
-    /// Total seconds and steps of finished runs, by environment and algorithm.
+    /// Total seconds and work of finished runs, by environment and algorithm.
     recorded: BTreeMap<(EnvId, String), (f64, u64)>,
 }
 
 impl CostModel {
     /// Takes a finished run into account.
     pub fn learn(&mut self, spec: &RunSpec, manifest: &Manifest) {
-        let (seconds, steps) = self.recorded.entry(key(spec)).or_default();
+        let (seconds, work) = self.recorded.entry(key(spec)).or_default();
         *seconds += manifest.seconds;
-        *steps += manifest.env_steps;
+        *work += if is_offline(spec) { 1 } else { manifest.env_steps };
     }
 
     /// The expected seconds of `spec` in one process on one core.
     pub fn seconds(&self, spec: &RunSpec) -> f64 {
         let steps = spec.budget.env_steps.get() as f64;
         match self.recorded.get(&key(spec)) {
+            Some(&(seconds, runs)) if is_offline(spec) => seconds / runs as f64,
             Some(&(seconds, recorded)) if recorded > 0 => steps * seconds / recorded as f64,
+            _ if is_offline(spec) => {
+                let longest = spec.evaluation.final_episodes.get().saturating_mul(spec.max_steps);
+                longest as f64 * physics_seconds(spec.env)
+            }
             _ => steps * (physics_seconds(spec.env) + network_seconds(spec)),
         }
     }
+}
+
+/// Whether the run takes no step of training: its last evaluation is what lasts, beside which cloning is soon done.
+fn is_offline(spec: &RunSpec) -> bool {
+    matches!(spec.algorithm_name(), "random" | "bc")
 }
 
 fn key(spec: &RunSpec) -> (EnvId, String) {
@@ -51,7 +61,6 @@ fn network_seconds(spec: &RunSpec) -> f64 {
     // Forward passes, or what takes as many operations, that one step's sample goes through: ten epochs of two networks
     // there and back, or twenty products of conjugate gradient, each two, and the value network's epochs.
     let passes = match spec.algorithm_name() {
-        "random" => return 0.0,
         "mcpo" | "trpo" | "mmd_il" => 80.0,
         _ => 60.0,
     };
@@ -65,7 +74,11 @@ fn network_seconds(spec: &RunSpec) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::schedule::tests::{planned, spec};
+    use crate::{
+        quantity::constant,
+        schedule::tests::{planned, spec},
+        spec::Algorithm,
+    };
 
     #[test]
     fn recorded_speeds_replace_the_guess_for_their_own_kind_of_run() {
@@ -85,5 +98,24 @@ mod tests {
         let model = CostModel::default();
         let on = |env| model.seconds(&RunSpec { env, ..spec("a", 0) });
         assert!(on(EnvId::Ant) > on(EnvId::HalfCheetah) && on(EnvId::HalfCheetah) > on(EnvId::MountainCar));
+    }
+
+    #[test]
+    fn runs_without_training_take_as_long_whatever_their_budget() {
+        for algorithm in ["random", "bc"] {
+            let mut model = CostModel::default();
+            let of = |env_steps| {
+                let mut spec = spec("a", 0);
+                spec.algorithm = Algorithm::defaults(algorithm, spec.env).expect("its name");
+                spec.budget.env_steps = constant(env_steps);
+                spec
+            };
+            assert!(model.seconds(&of(1024)) > 0.0);
+            assert_eq!(model.seconds(&of(1024)), model.seconds(&of(1 << 30)), "{algorithm}");
+            let mut manifest = Manifest::new(planned(std::path::Path::new("r"), "a", 0).stamp);
+            manifest.seconds = 3.0;
+            model.learn(&of(1024), &manifest);
+            assert_eq!(model.seconds(&of(1 << 30)), 3.0, "{algorithm}");
+        }
     }
 }

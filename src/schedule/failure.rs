@@ -34,26 +34,42 @@ fn phrase(how: &str) -> String {
     if how.starts_with("exit code") { format!("left with {how}") } else { how.replacen("killed", "was killed", 1) }
 }
 
+/// What is recorded of a run whose process has died.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Found {
+    /// The failure; or another run, which is left as it is.
+    Failed,
+    /// That it had finished.
+    Finished,
+    /// Another process took it up since: what becomes of it is for that one to record.
+    TakenUp,
+}
+
 /// Writes into a run's manifest that an attempt ended in `error`; when that was the `last` attempt, the run has failed, and is
-/// put into its place. Does nothing when somebody else has taken the run up or finished it.
+/// put into its place. `env_steps` are those that the attempt came to, absent where it did not begin. Writes nothing when the
+/// run had finished, or somebody else has taken it up.
 ///
 /// Errors: the disk refuses.
 pub(super) fn record(
     run: &Planned,
     error: &str,
     stderr: &[String],
-    env_steps: u64,
+    env_steps: Option<u64>,
     last: bool,
-) -> Result<(), RecordError> {
+) -> Result<Found, RecordError> {
     let paths = &run.paths;
-    let Some(_claim) = Claim::take(paths)? else { return Ok(()) };
-    if paths.ended()?.is_some_and(|manifest| manifest.outcome == Outcome::Finished) {
-        return Ok(());
+    let Some(_claim) = Claim::take(paths)? else { return Ok(Found::TakenUp) };
+    match paths.ended()? {
+        Some(ended) if ended.stamp.fingerprint != run.stamp.fingerprint => return Ok(Found::Failed),
+        Some(ended) if ended.outcome == Outcome::Finished => return Ok(Found::Finished),
+        // An attempt that begins moves away what lies in the run's place: this was put there after it.
+        Some(_) if env_steps.is_some() => return Ok(Found::TakenUp),
+        _ => {}
     }
     paths.open()?;
     let path = RunPaths::manifest(&paths.partial);
     let mut manifest = match Manifest::read(&path)? {
-        Some(manifest) if manifest.stamp.fingerprint != run.stamp.fingerprint => return Ok(()), // not this run's
+        Some(manifest) if manifest.stamp.fingerprint != run.stamp.fingerprint => return Ok(Found::Failed),
         found => found.unwrap_or_else(|| Manifest::new(run.stamp.clone())),
     };
     let log = RunPaths::log(&paths.partial);
@@ -65,12 +81,14 @@ pub(super) fn record(
         writeln!(log, "failed: {error}")
     });
     manifest.end_attempt(Some(error.to_owned()));
-    manifest.env_steps = env_steps;
-    if !last {
-        return manifest.write(&path);
+    manifest.env_steps = env_steps.unwrap_or(manifest.env_steps);
+    if last {
+        manifest.outcome = Outcome::Failed { error: error.to_owned(), log_tail };
+        paths.close(&manifest)?;
+    } else {
+        manifest.write(&path)?;
     }
-    manifest.outcome = Outcome::Failed { error: error.to_owned(), log_tail };
-    paths.close(&manifest)
+    Ok(Found::Failed)
 }
 
 /// The last lines of a log; none where it cannot be read.
@@ -92,7 +110,7 @@ fn tail(path: &Path) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::schedule::tests::planned;
+    use crate::{record::Stamp, schedule::tests::planned};
 
     #[test]
     fn the_cause_is_what_the_process_said_last() {
@@ -122,9 +140,9 @@ mod tests {
         }
         let many: String = (0..100).map(|n| format!("line {n}\n")).collect();
         fs::write(RunPaths::log(&run.paths.partial), many).expect("written");
-        record(&run, "boom", &["abort".to_owned()], 7, false).expect("recorded");
+        record(&run, "boom", &["abort".to_owned()], Some(7), false).expect("recorded");
         assert!(run.paths.ended().expect("readable").is_none(), "it was to be tried again");
-        record(&run, "boom", &["abort".to_owned()], 7, true).expect("recorded");
+        record(&run, "boom", &["abort".to_owned()], Some(7), true).expect("recorded");
         let manifest = run.paths.ended().expect("readable").expect("there");
         let Outcome::Failed { error, log_tail } = &manifest.outcome else { panic!("{:?}", manifest.outcome) };
         assert_eq!((error.as_str(), manifest.env_steps), ("boom", 7));
@@ -140,13 +158,23 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let run = planned(folder.path(), "a", 0);
         let claim = Claim::take(&run.paths).expect("made").expect("free");
-        record(&run, "boom", &[], 0, true).expect("nothing to do");
+        assert_eq!(record(&run, "boom", &[], None, true).ok(), Some(Found::TakenUp));
         assert!(!run.paths.complete.exists());
         drop(claim);
-        run.paths.open().expect("made");
-        let finished = Manifest { outcome: Outcome::Finished, ..Manifest::new(run.stamp.clone()) };
-        run.paths.close(&finished).expect("closed");
-        record(&run, "boom", &[], 0, true).expect("nothing to do");
+        let theirs = |outcome| {
+            run.paths.open().expect("made");
+            let theirs = Manifest { outcome, ..Manifest::new(run.stamp.clone()) };
+            run.paths.close(&theirs).expect("closed");
+            theirs
+        };
+        let failed = theirs(Outcome::Failed { error: "theirs".to_owned(), log_tail: Vec::new() });
+        assert_eq!(record(&run, "boom", &[], Some(7), true).ok(), Some(Found::TakenUp));
+        let other = Planned { stamp: Stamp { fingerprint: "other".to_owned(), ..run.stamp.clone() }, ..run.clone() };
+        assert_eq!(record(&other, "boom", &[], None, true).ok(), Some(Found::Failed));
+        assert_eq!(run.paths.ended().expect("readable"), Some(failed), "another run's record was touched");
+        let finished = theirs(Outcome::Finished);
+        assert_eq!(record(&run, "boom", &[], Some(7), true).ok(), Some(Found::Finished));
+        assert_eq!(record(&other, "boom", &[], Some(7), true).ok(), Some(Found::Failed));
         assert_eq!(run.paths.ended().expect("readable"), Some(finished));
     }
 }

@@ -3,7 +3,7 @@
 use std::{
     collections::{BTreeMap, BTreeSet, VecDeque},
     io::{self, BufRead, BufReader, Read, Write},
-    path::PathBuf,
+    path::{Path, PathBuf},
     process::{Child, Command, ExitStatus, Stdio},
     sync::mpsc::{self, Receiver, Sender},
     thread::{self, JoinHandle},
@@ -15,6 +15,8 @@ use super::{
     event::{Event, Job, Message},
 };
 
+/// On Linux, the program that runs: that very one, when its file has been replaced or removed meanwhile.
+const THIS_PROGRAM: &str = "/proc/self/exe";
 /// The lines of stderr that are kept of each process.
 const STDERR_LINES: usize = 40;
 /// The length at which a line of stderr is cut, bytes.
@@ -44,12 +46,15 @@ enum Told {
 }
 
 impl LocalProcesses {
-    /// Processes of this very program.
+    /// Processes of this very program, also when another is built under way: what computes a run is what its stamp says.
+    /// Systems other than Linux start what they find in the program's file.
     ///
     /// Errors: its file is gone.
     pub fn new() -> io::Result<Self> {
         let (sender, receiver) = mpsc::channel();
-        Ok(Self { program: std::env::current_exe()?, processes: BTreeMap::new(), sender, receiver })
+        let this = Path::new(THIS_PROGRAM);
+        let program = if this.exists() { this.to_owned() } else { std::env::current_exe()? };
+        Ok(Self { program, processes: BTreeMap::new(), sender, receiver })
     }
 
     /// A process that has ended since the last look.
@@ -68,12 +73,11 @@ impl Executor for LocalProcesses {
     fn start(&mut self, number: usize, job: &Job) -> io::Result<()> {
         let mut line = serde_json::to_vec(job)?;
         line.push(b'\n');
-        let mut child = Command::new(&self.program)
-            .arg("worker")
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()?;
+        let mut command = Command::new(&self.program);
+        #[cfg(unix)]
+        std::os::unix::process::CommandExt::arg0(&mut command, env!("CARGO_PKG_NAME"));
+        let mut child =
+            command.arg("worker").stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn()?;
         let (Some(stdin), Some(stdout), Some(stderr)) = (&mut child.stdin, child.stdout.take(), child.stderr.take())
         else {
             unreachable!("all three pipes were asked for")
@@ -81,16 +85,7 @@ impl Executor for LocalProcesses {
         // A worker that is dead already shows it by its exit.
         let _ = stdin.write_all(&line).and_then(|()| stdin.flush());
         let sender = self.sender.clone();
-        thread::spawn(move || {
-            for line in BufReader::new(stdout).lines().map_while(Result::ok) {
-                // The physics engine may print too: what is no event is no message.
-                let Ok(event) = serde_json::from_str(&line) else { continue };
-                if sender.send((number, Told::Event(event))).is_err() {
-                    return;
-                }
-            }
-            let _ = sender.send((number, Told::End)); // nobody listens any more when this fails
-        });
+        thread::spawn(move || pass_on(number, stdout, &sender));
         let stderr = thread::spawn(move || last_lines(stderr));
         self.processes.insert(number, Process { child, stderr, silent: false });
         Ok(())
@@ -127,6 +122,18 @@ impl Executor for LocalProcesses {
             let _ = process.child.kill(); // fails when it is dead already
         }
     }
+}
+
+/// Sends on what the process of job `number` tells on `stdout`, to its end.
+fn pass_on(number: usize, stdout: impl Read, sender: &Sender<(usize, Told)>) {
+    for line in BufReader::new(stdout).split(b'\n').map_while(Result::ok) {
+        // The physics engine may print too: what is no event is no message.
+        let Ok(event) = serde_json::from_slice(&line) else { continue };
+        if sender.send((number, Told::Event(event))).is_err() {
+            return;
+        }
+    }
+    let _ = sender.send((number, Told::End)); // nobody listens any more when this fails
 }
 
 /// The cores that this process may use, two threads of one core counted once.
@@ -191,5 +198,16 @@ mod tests {
         let endless = vec![b'x'; 1_000_000];
         assert!(last_lines(endless.as_slice()).iter().all(|line| line.len() <= STDERR_WIDTH));
         assert_eq!(last_lines(b"\xff no text".as_slice()), ["\u{fffd} no text"]);
+    }
+
+    #[test]
+    fn what_is_no_event_is_passed_over_text_or_not() {
+        let (sender, receiver) = mpsc::channel();
+        let mut told = b"a warning\n\xff no text\n".to_vec();
+        told.extend(serde_json::to_vec(&Event::Finished).expect("JSON"));
+        pass_on(5, told.as_slice(), &sender);
+        drop(sender);
+        let passed: Vec<_> = receiver.into_iter().collect();
+        assert!(matches!(passed.as_slice(), [(5, Told::Event(Event::Finished)), (5, Told::End)]), "{passed:?}");
     }
 }

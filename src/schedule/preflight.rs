@@ -121,15 +121,22 @@ pub fn plan(specs: Vec<RunSpec>, results: &Path) -> Result<Vec<Planned>, Problem
 /// The digest of a demonstration's file and what it holds, once it is known to fit.
 fn demonstration(path: &Path, env: EnvId) -> Result<(String, Demonstrated), DemoError> {
     let demonstration = Demonstration::read_for(path, env)?;
-    let bytes =
-        fs::read(path).map_err(|error| DemoError::Unreadable { path: path.to_owned(), reason: error.to_string() })?;
     let episodes = demonstration.episode_starts.len();
     let demonstrated = Demonstrated {
         episodes,
         steps: demonstration.len(),
         mean_return: demonstration.returns().map(|returns| returns.iter().sum::<f64>() / episodes as f64),
     };
-    Ok((blake3::hash(&bytes).to_hex().to_string(), demonstrated))
+    Ok((content(path)?, demonstrated))
+}
+
+/// The digest of a demonstration's file, whatever it holds.
+///
+/// Errors: it cannot be read.
+pub(super) fn content(path: &Path) -> Result<String, DemoError> {
+    let bytes =
+        fs::read(path).map_err(|error| DemoError::Unreadable { path: path.to_owned(), reason: error.to_string() })?;
+    Ok(blake3::hash(&bytes).to_hex().to_string())
 }
 
 /// Makes the results ready: the folder can be written to and has room, and nothing that is recorded stands in the way;

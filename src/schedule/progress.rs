@@ -139,20 +139,27 @@ impl Progress {
         self.say(&format!("{} at {} steps: return {dense_return:.2}", run.label, thousands(env_steps as f64)));
     }
 
-    /// Run `number` is no longer under way; `how` is told where there is something to tell. It counts as ended when `done`.
-    pub fn end(&mut self, number: usize, done: bool, how: Option<&str>) {
-        let Some(run) = self.running.remove(&number) else { return };
-        run.bar.finish_and_clear();
-        self.screen.remove(&run.bar);
-        if done {
-            self.ended += 1;
-            self.work_left -= run.work_per_step * run.budget.saturating_sub(run.env_steps) as f64;
-        } else {
+    /// Run `number` has ended, here or in another process; all of it would take `seconds`.
+    pub fn end(&mut self, number: usize, seconds: f64) {
+        self.ended += 1;
+        self.work_left -= match self.remove(number) {
+            Some(run) => run.work_per_step * run.budget.saturating_sub(run.env_steps) as f64,
+            None => seconds, // it did not begin here
+        };
+    }
+
+    /// Run `number` is no longer under way here, and has not ended.
+    pub fn leave(&mut self, number: usize) {
+        if let Some(run) = self.remove(number) {
             self.work_left += run.work_per_step * run.env_steps as f64; // it will begin again, and say where
         }
-        if let Some(how) = how {
-            self.say(&format!("{}: {how}", run.label));
-        }
+    }
+
+    fn remove(&mut self, number: usize) -> Option<Running> {
+        let run = self.running.remove(&number)?;
+        run.bar.finish_and_clear();
+        self.screen.remove(&run.bar);
+        Some(run)
     }
 
     /// Redraws the whole; to be called a few times a second.
@@ -168,7 +175,7 @@ impl Progress {
     }
 
     /// Runs, speed and time left, in a line.
-    fn status(&self) -> String {
+    pub(super) fn status(&self) -> String {
         let elapsed = self.began.elapsed().as_secs_f64().max(1e-3);
         let speed = thousands(self.steps_done as f64 / elapsed);
         // The whole at the rate of work so far, but no sooner than the slowest of those that run.
@@ -252,11 +259,15 @@ mod tests {
         assert!((progress.work_left - 16.0).abs() < 1e-9);
         progress.iteration(0, 90, None);
         assert!((progress.work_left - 11.0).abs() < 1e-9 && (progress.work_done - 5.0).abs() < 1e-9);
-        progress.end(0, false, None); // died; its last checkpoint was at 60
+        progress.leave(0); // died; its last checkpoint was at 60
         progress.begin(0, "a", 60, 100, 10.0);
         assert!((progress.work_left - 14.0).abs() < 1e-9, "{}", progress.work_left);
         progress.iteration(0, 100, None);
-        progress.end(0, true, None);
+        progress.end(0, 10.0);
         assert!((progress.work_left - 10.0).abs() < 1e-9);
+        progress.leave(1); // another process works on it
+        assert!((progress.work_left - 10.0).abs() < 1e-9);
+        progress.end(1, 10.0); // and has finished it
+        assert!(progress.work_left.abs() < 1e-9 && progress.status().contains("2 of 2 runs done"));
     }
 }

@@ -1,33 +1,30 @@
 //! The worker process: reads a job from stdin, trains and records the run, and tells events on stdout.
 
 use std::{
-    fs::OpenOptions,
+    fs::{self, OpenOptions},
     io::{self, BufRead, Read, Write},
     mem,
     path::{Path, PathBuf},
     process::ExitCode,
     sync::Mutex,
     thread,
-    time::Duration,
 };
 
 use tracing::{Level, error};
 
 use super::{
     event::{Event, Job},
+    preflight,
     recorder::Recorder,
     stop::{INTERRUPTED, StopRequest},
 };
 use crate::{
     arithmetic::threads,
+    demo::DemoError,
     plan::RunSpec,
     record::{Checkpoint, Claim, Manifest, Outcome, RecordError, RunPaths, Stamp, now},
     train::{self, Ending, TrainError},
 };
-
-/// How long a worker tries for a claim: whoever asks for the state of a run holds it for a moment.
-const CLAIM_TRIES: u32 = 20;
-const CLAIM_PAUSE: Duration = Duration::from_millis(50);
 
 /// What can go wrong in a worker.
 #[derive(Debug, thiserror::Error)]
@@ -42,6 +39,10 @@ enum WorkerError {
     Train(#[from] TrainError),
     #[error("{} was recorded by another specification (fingerprint {found}; this one has {expected})", folder.display())]
     AnotherRun { folder: PathBuf, found: String, expected: String },
+    #[error(transparent)]
+    Demonstration(#[from] DemoError),
+    #[error("{} is not the demonstration that it was when the program was called", .0.display())]
+    AnotherDemonstration(PathBuf),
 }
 
 /// Does the job that stdin holds.
@@ -67,17 +68,24 @@ pub(super) fn tell(event: &Event) -> bool {
 }
 
 fn work() -> Result<Event, WorkerError> {
+    // For `top` and `killall`, to which a program that was started through /proc is `exe`; elsewhere there is no such file.
+    let _ = fs::write("/proc/self/comm", env!("CARGO_PKG_NAME"));
     let stop = StopRequest::on_signals().map_err(WorkerError::SetUp)?;
     let job = read_job(&stop)?;
     let spec: RunSpec =
         serde_json::from_value(job.stamp.spec.clone()).map_err(|error| WorkerError::Job(error.to_string()))?;
     let paths = RunPaths::new(&job.results, &spec.experiment, &spec.id)?;
-    let Some(_claim) = claim(&paths)? else { return Ok(Event::Claimed) };
+    let Some(_claim) = Claim::take(&paths)? else { return Ok(Event::Claimed) };
     if let Some(ended) = paths.ended()? {
         refuse_another(&paths.complete, &ended, &job.stamp)?;
         if ended.outcome == Outcome::Finished {
             return Ok(Event::Finished);
         }
+    }
+    if let Some((path, digest)) = spec.demonstration.as_ref().zip(job.stamp.demonstration.as_ref())
+        && preflight::content(path)? != *digest
+    {
+        return Err(WorkerError::AnotherDemonstration(path.clone()));
     }
     paths.open()?;
     start_log(&paths, job.verbose)?;
@@ -112,16 +120,6 @@ fn read_job(stop: &StopRequest) -> Result<Job, WorkerError> {
     };
     thread::Builder::new().name("parent".to_owned()).spawn(watch_parent).map_err(WorkerError::SetUp)?;
     Ok(job)
-}
-
-fn claim(paths: &RunPaths) -> Result<Option<Claim>, RecordError> {
-    for _ in 1..CLAIM_TRIES {
-        if let Some(claim) = Claim::take(paths)? {
-            return Ok(Some(claim));
-        }
-        thread::sleep(CLAIM_PAUSE);
-    }
-    Claim::take(paths)
 }
 
 fn refuse_another(folder: &Path, found: &Manifest, stamp: &Stamp) -> Result<(), WorkerError> {

@@ -1,9 +1,18 @@
 //! What goes wrong while runs are under way: signals, crashes, hangs, divergence. No run is lost, and none becomes another.
 
-use std::{fs, thread, time::Duration};
+use std::{
+    fs,
+    os::unix::fs::PermissionsExt,
+    process::{Command, Stdio},
+    thread,
+    time::Duration,
+};
 
 use crate::workbench::{PENDULUM, Workbench, signal, texts, wait_for};
-use mcpo_run::record::{Claim, Outcome, RunPaths};
+use mcpo_run::{
+    demo::Demonstration,
+    record::{Claim, Outcome, RunPaths},
+};
 
 /// One run.
 const ONE: [&str; 5] = ["tiny.toml", "--only", "env=InvertedPendulum-v2,seed=0", "--results", "disturbed"];
@@ -146,4 +155,42 @@ fn results_that_vanish_under_way_end_the_runs_with_a_message() {
     wait_for("the removal", || fs::remove_dir_all(bench.path("disturbed")).ok());
     let (_, stderr) = texts(&child.wait_with_output().expect("it ends"), 1, &ONE);
     assert!(stderr.contains("failed: cannot"), "{stderr}");
+}
+
+#[test]
+fn a_program_whose_file_is_replaced_under_way_computes_all_runs_itself() {
+    let bench = Workbench::new(LONG);
+    let program = bench.path("program");
+    fs::copy(env!("CARGO_BIN_EXE_mcpo-run"), &program).expect("copied");
+    let arguments = ["tiny.toml", "--only", "env=InvertedPendulum-v2", "--jobs", "1", "--threads", "1"];
+    let mut child = Command::new(&program);
+    child.args(arguments).current_dir(bench.path("")).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let child = child.spawn().expect("it starts");
+    bench.worker("results", PENDULUM);
+    fs::remove_file(&program).expect("removed");
+    fs::write(&program, "#!/bin/sh\nexit 3\n").expect("written");
+    fs::set_permissions(&program, fs::Permissions::from_mode(0o755)).expect("set");
+    let (_, stderr) = texts(&child.wait_with_output().expect("it ends"), 0, &arguments);
+    assert!(stderr.contains("2 of 2 runs finished"), "{stderr}");
+}
+
+#[test]
+fn a_demonstration_that_changes_under_way_fails_the_runs_that_would_learn_from_another() {
+    let bench = Workbench::new(LONG);
+    let demo = bench.path("demo.parquet");
+    fs::copy("tests/parity/InvertedPendulum-v2.parquet", &demo).expect("copied");
+    let matrix = fs::read_to_string(bench.path("tiny.toml")).expect("readable");
+    let matrix = format!("demonstrations = \"demo.parquet\"\n{}", matrix.replace("ppo", "mcpo"));
+    fs::write(bench.path("tiny.toml"), matrix).expect("written");
+    let arguments = ["tiny.toml", "--only", "env=InvertedPendulum-v2", "--jobs", "1", "--threads", "1"];
+    let child = bench.start(&arguments);
+    bench.wait_for_checkpoint("results", "InvertedPendulum-v2/mcpo/seed-0");
+    let mut other = Demonstration::read(&demo).expect("readable");
+    other.actions[(0, 0)] += 0.5;
+    other.write(&demo).expect("written");
+    let (_, stderr) = texts(&child.wait_with_output().expect("it ends"), 1, &arguments);
+    assert!(stderr.contains("1 of 2 runs finished, 1 failed"), "{stderr}");
+    let manifest = bench.manifest("results", "InvertedPendulum-v2/mcpo/seed-1");
+    let error = manifest.error().expect("it failed");
+    assert!(error.contains("demo.parquet is not the demonstration that it was"), "{error}");
 }
