@@ -27,15 +27,15 @@ use super::{
     finite, gae, mimicry,
     mimicry::{Costs, Measured, Mimicry, Samples},
     stopwatch::Stopwatch,
-    trust_region::{self, GAIN_SHARE, KL_MARGIN, Surrogate, Trial},
+    trust_region::{self, GAIN_SHARE, KL_MARGIN, Region, Surrogate, Trial},
 };
 use crate::{
     demo::Demonstration,
     env::EnvId,
-    nn::{Fisher, GaussianPolicy, Pass},
+    nn::{GaussianPolicy, Pass},
     quantity::{Count, Discount, NonNegative, Positive, UnitInterval, constant},
     rng::{Rng, Seed},
-    solver::{LinearConstraint, Step, conjugate_gradient::Limits, constrained_step, dual::DualSolution},
+    solver::{LinearConstraint, Step, dual::DualSolution},
 };
 
 /// MCPO's hyperparameters; the defaults are the paper's Tables 1 and 2.
@@ -57,6 +57,8 @@ pub struct Hyperparameters {
     pub damping: NonNegative,
     /// Conjugate gradient's products, at most, for each of g and b.
     pub cg_iterations: Count,
+    /// Samples of the batch that make the Fisher matrix, at most; evenly spaced.
+    pub fisher_samples: Count,
     /// Discount gamma.
     pub discount: Discount,
     /// GAE's lambda.
@@ -97,6 +99,7 @@ impl Hyperparameters {
             max_kl: constant(5e-3),
             damping: constant(1e-2),
             cg_iterations: constant(10),
+            fisher_samples: constant(1024),
             discount: constant(0.99),
             gae_lambda: constant(0.95),
             learning_rate: constant(1e-4),
@@ -109,8 +112,13 @@ impl Hyperparameters {
         }
     }
 
-    fn cg_limits(&self) -> Limits {
-        Limits { iterations: self.cg_iterations.size(), relative_residual: 1e-10 }
+    fn region(&self) -> Region {
+        Region {
+            max_kl: self.max_kl.get(),
+            damping: self.damping.get(),
+            cg_iterations: self.cg_iterations.size(),
+            fisher_samples: self.fisher_samples.size(),
+        }
     }
 
     fn critic_fit(&self) -> critic::Fit {
@@ -193,15 +201,8 @@ impl OnPolicy for Mcpo {
         watch.lap("mimicry");
 
         // Eq. (5) to (12).
-        let mut fisher = Fisher::new(&agent.policy, &batch.observations, pass, hyperparameters.damping.get());
         let constraint = LinearConstraint { gradient: &measured.gradient, slack };
-        let solved = constrained_step(
-            &mut fisher,
-            &g,
-            Some(constraint),
-            hyperparameters.max_kl.get(),
-            hyperparameters.cg_limits(),
-        );
+        let solved = hyperparameters.region().step(&agent.policy, &batch.observations, pass, &g, Some(constraint));
         watch.lap("conjugate gradient");
 
         let iteration =
@@ -344,9 +345,7 @@ impl Iteration<'_> {
                 })
             }
             Samples::Rollout => {
-                let mut fisher = Fisher::new(&agent.policy, observations, fisher_pass, h.damping.get());
-                let solved =
-                    constrained_step(&mut fisher, &self.measured.gradient, None, h.max_kl.get(), h.cg_limits());
+                let solved = h.region().step(&agent.policy, observations, fisher_pass, &self.measured.gradient, None);
                 let outcome = match &solved.step {
                     Some(step) => self.search(&mut agent.policy, step, None, mimicry, pass),
                     None => self.stay(),

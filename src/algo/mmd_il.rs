@@ -10,7 +10,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Agent, AlgoError, Batch, OnPolicy, Update, critic, finite, mimicry,
+    Agent, AlgoError, Batch, OnPolicy, Update, finite, mimicry,
     mimicry::{Costs, Mimicry, Samples},
     stopwatch::Stopwatch,
     trpo,
@@ -19,10 +19,9 @@ use super::{
 use crate::{
     demo::Demonstration,
     env::EnvId,
-    nn::{Fisher, Pass},
+    nn::Pass,
     quantity::{Count, Positive, constant},
     rng::{Rng, Seed},
-    solver::{conjugate_gradient::Limits, constrained_step},
 };
 
 /// MMD imitation's hyperparameters.
@@ -73,19 +72,11 @@ impl MmdIl {
         let h = &hyperparameters.trpo;
         let no_advantages = vec![0.0; batch.len()];
         let surrogate = Surrogate::new(&agent.policy, batch, &no_advantages, pass);
-        let fit = critic::Fit {
-            epochs: h.value_epochs.size(),
-            minibatch: h.minibatch.size(),
-            learning_rate: h.learning_rate.get(),
-            l2_penalty: h.l2_penalty.get(),
-        };
-        let costs = Costs { discount: h.discount.get(), lambda: h.gae_lambda.get(), fit };
+        let costs = Costs { discount: h.discount.get(), lambda: h.gae_lambda.get(), fit: h.critic_fit() };
         let measured = mimicry.measure(agent, batch, &surrogate, pass, &costs, rng)?;
         watch.lap("mimicry");
 
-        let limits = Limits { iterations: h.cg_iterations.size(), relative_residual: 1e-10 };
-        let mut fisher = Fisher::new(&agent.policy, &batch.observations, pass, h.damping.get());
-        let solved = constrained_step(&mut fisher, &measured.gradient, None, h.max_kl.get(), limits);
+        let solved = h.region().step(&agent.policy, &batch.observations, pass, &measured.gradient, None);
         let step = solved.step.ok_or(AlgoError::Undefined { q: solved.q, r: solved.r, s: solved.s })?;
         watch.lap("conjugate gradient");
 

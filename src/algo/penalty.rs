@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     Agent, AlgoError, Batch, OnPolicy, Update,
-    critic::{self, Critic},
+    critic::Critic,
     finite, gae, mimicry,
     mimicry::{Costs, Mimicry},
     stopwatch::Stopwatch,
@@ -21,10 +21,9 @@ use super::{
 use crate::{
     demo::Demonstration,
     env::EnvId,
-    nn::{Fisher, Pass},
+    nn::Pass,
     quantity::{NonNegative, UnitInterval, constant},
     rng::{Rng, Seed},
-    solver::{conjugate_gradient::Limits, constrained_step},
 };
 
 /// The penalty method's hyperparameters.
@@ -97,13 +96,7 @@ impl OnPolicy for Penalty {
         watch.lap("advantages");
 
         let surrogate = Surrogate::new(&agent.policy, batch, &estimate.advantages, pass);
-        let fit = critic::Fit {
-            epochs: h.value_epochs.size(),
-            minibatch: h.minibatch.size(),
-            learning_rate: h.learning_rate.get(),
-            l2_penalty: h.l2_penalty.get(),
-        };
-        let costs = Costs { discount, lambda, fit };
+        let costs = Costs { discount, lambda, fit: h.critic_fit() };
         let measured = mimicry.measure(agent, batch, &surrogate, pass, &costs, rng)?;
         let mut g = surrogate.gradient(&agent.policy, pass);
         for (g, b) in g.iter_mut().zip(&measured.gradient) {
@@ -111,9 +104,7 @@ impl OnPolicy for Penalty {
         }
         watch.lap("gradients");
 
-        let limits = Limits { iterations: h.cg_iterations.size(), relative_residual: 1e-10 };
-        let mut fisher = Fisher::new(&agent.policy, &batch.observations, pass, h.damping.get());
-        let solved = constrained_step(&mut fisher, &g, None, h.max_kl.get(), limits);
+        let solved = h.region().step(&agent.policy, &batch.observations, pass, &g, None);
         let step = solved.step.ok_or(AlgoError::Undefined { q: solved.q, r: solved.r, s: solved.s })?;
         watch.lap("conjugate gradient");
 
@@ -129,7 +120,7 @@ impl OnPolicy for Penalty {
             tests.into_iter().find(|(passed, _)| !passed).map_or(Ok((trial, mmd)), |(_, failed)| Err(failed))
         });
         watch.lap("line search");
-        let value_loss = critic.fit(&mut agent.value, &batch.observations, &estimate.returns, fit, rng)?;
+        let value_loss = critic.fit(&mut agent.value, &batch.observations, &estimate.returns, h.critic_fit(), rng)?;
         watch.lap("value");
 
         *weight *= 1.0 - hyperparameters.epsilon.get();

@@ -9,14 +9,13 @@ use super::{
     critic::{self, Critic},
     finite, gae,
     stopwatch::Stopwatch,
-    trust_region::{self, GAIN_SHARE, KL_MARGIN, Surrogate},
+    trust_region::{self, GAIN_SHARE, KL_MARGIN, Region, Surrogate},
 };
 use crate::{
     env::EnvId,
-    nn::{Fisher, Pass},
+    nn::Pass,
     quantity::{Count, Discount, NonNegative, Positive, UnitInterval, constant},
     rng::Rng,
-    solver::{conjugate_gradient::Limits, constrained_step},
 };
 
 /// TRPO's hyperparameters; the defaults are MCPO's.
@@ -29,6 +28,8 @@ pub struct Hyperparameters {
     pub damping: NonNegative,
     /// Conjugate gradient's products, at most.
     pub cg_iterations: Count,
+    /// Samples of the batch that make the Fisher matrix, at most; evenly spaced.
+    pub fisher_samples: Count,
     /// Discount gamma.
     pub discount: Discount,
     /// GAE's lambda.
@@ -52,6 +53,7 @@ impl Hyperparameters {
             max_kl: constant(5e-3),
             damping: constant(1e-2),
             cg_iterations: constant(10),
+            fisher_samples: constant(1024),
             discount: constant(0.99),
             gae_lambda: constant(0.95),
             learning_rate: constant(1e-4),
@@ -59,6 +61,26 @@ impl Hyperparameters {
             value_epochs: constant(10),
             minibatch: constant(if env == EnvId::MountainCar { 64 } else { 1024 }),
             line_search_steps: constant(10),
+        }
+    }
+
+    /// The trust region.
+    pub(super) fn region(&self) -> Region {
+        Region {
+            max_kl: self.max_kl.get(),
+            damping: self.damping.get(),
+            cg_iterations: self.cg_iterations.size(),
+            fisher_samples: self.fisher_samples.size(),
+        }
+    }
+
+    /// How the value network is fitted.
+    pub(super) fn critic_fit(&self) -> critic::Fit {
+        critic::Fit {
+            epochs: self.value_epochs.size(),
+            minibatch: self.minibatch.size(),
+            learning_rate: self.learning_rate.get(),
+            l2_penalty: self.l2_penalty.get(),
         }
     }
 }
@@ -106,9 +128,7 @@ impl OnPolicy for Trpo {
         g.iter_mut().for_each(|g| *g = -*g);
         watch.lap("gradient");
 
-        let limits = Limits { iterations: h.cg_iterations.size(), relative_residual: 1e-10 };
-        let mut fisher = Fisher::new(&agent.policy, &batch.observations, pass, h.damping.get());
-        let solved = constrained_step(&mut fisher, &g, None, h.max_kl.get(), limits);
+        let solved = h.region().step(&agent.policy, &batch.observations, pass, &g, None);
         let step = solved.step.ok_or(AlgoError::Undefined { q: solved.q, r: solved.r, s: solved.s })?;
         watch.lap("conjugate gradient");
 
@@ -123,13 +143,7 @@ impl OnPolicy for Trpo {
         });
         watch.lap("line search");
 
-        let fit = critic::Fit {
-            epochs: h.value_epochs.size(),
-            minibatch: h.minibatch.size(),
-            learning_rate: h.learning_rate.get(),
-            l2_penalty: h.l2_penalty.get(),
-        };
-        let value_loss = critic.fit(&mut agent.value, &batch.observations, &estimate.returns, fit, rng)?;
+        let value_loss = critic.fit(&mut agent.value, &batch.observations, &estimate.returns, h.critic_fit(), rng)?;
         watch.lap("value");
 
         let (step_fraction, kl, gain) = found.map_or((0.0, 0.0, 0.0), |(step, trial)| (step, trial.kl, trial.gain));

@@ -24,7 +24,7 @@
 use serde::Serialize;
 
 use crate::{
-    algo::{Update, mcpo, mimicry::Samples, mmd_il, pofd::PolicyUpdate, ppo, trpo},
+    algo::{Update, mcpo, mimicry::Samples, mmd_il, pofd::PolicyUpdate, ppo, trpo, trust_region},
     quantity::Count,
     spec::Algorithm,
 };
@@ -152,7 +152,7 @@ impl<'a> Counter<'a> {
 
     fn trpo(&self, h: &trpo::Hyperparameters) -> Vec<Part> {
         let mut parts = vec![self.values(), ("surrogate gradient", self.n * self.policy.vjp())];
-        parts.extend(self.trust_region(self.trials(h.line_search_steps)));
+        parts.extend(self.trust_region(h.fisher_samples, self.trials(h.line_search_steps)));
         parts.push(("value epochs", self.fit(h.value_epochs)));
         parts
     }
@@ -164,7 +164,7 @@ impl<'a> Counter<'a> {
         let trials = if no_step || stays { 0.0 } else { self.trials(h.line_search_steps) };
         let mut parts = vec![self.values(), ("surrogate gradient", self.n * self.policy.vjp())];
         parts.extend(self.mimicry(h.mmd.samples, h.value_epochs, trials));
-        parts.extend(self.trust_region(trials));
+        parts.extend(self.trust_region(h.fisher_samples, trials));
         if at_states && self.update.recovery_steps.is_some() {
             parts.push(("recovery", self.descent()));
         }
@@ -178,7 +178,7 @@ impl<'a> Counter<'a> {
             Samples::Rollout => {
                 let trials = self.trials(h.trpo.line_search_steps);
                 let mut parts = self.mimicry(h.mmd.samples, h.trpo.value_epochs, trials);
-                parts.extend(self.trust_region(trials));
+                parts.extend(self.trust_region(h.trpo.fisher_samples, trials));
                 parts
             }
         }
@@ -210,11 +210,12 @@ impl<'a> Counter<'a> {
     }
 
     /// Conjugate gradient, and the policy's passes of the line search.
-    fn trust_region(&self, trials: f64) -> Vec<Part> {
+    fn trust_region(&self, fisher_samples: Count, trials: f64) -> Vec<Part> {
+        let samples = (self.n / trust_region::spacing(self.n as usize, fisher_samples.size()) as f64).ceil();
         let products = self.update.cg_iterations.unwrap_or(0) as f64;
         let once = if products > 0.0 { self.policy.sensitivities } else { 0.0 };
         vec![
-            ("Fisher products", self.n * (products * self.policy.fisher_product + once)),
+            ("Fisher products", samples * (products * self.policy.fisher_product + once)),
             ("line search", trials * self.n * self.policy.forward()),
         ]
     }
@@ -301,7 +302,11 @@ mod tests {
         ];
         assert_eq!(parts, expected);
         let rejected = Update { step_fraction: Some(0.0), ..update };
-        assert_eq!(counted(&Algorithm::Trpo(trpo), &rejected)[4], ("line search", 10.0 * 860.0));
+        assert_eq!(counted(&Algorithm::Trpo(trpo.clone()), &rejected)[4], ("line search", 10.0 * 860.0));
+        // Every fourth of ten samples makes three.
+        let thinned = trpo::Hyperparameters { fisher_samples: constant(3), ..trpo };
+        let products = counted(&Algorithm::Trpo(thinned), &rejected)[3];
+        assert_eq!(products, ("Fisher products", 3.0 * (9.0 * 244.0 + 80.0)));
     }
 
     /// Points of 5 numbers, 6 of each side: 36 pairs with the demonstration and half as many on their own side; kernel values
