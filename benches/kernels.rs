@@ -52,7 +52,7 @@ fn products(criterion: &mut Criterion) {
             });
         }
     }
-    let (m, k, n) = (400, 256, 300); // a weights' gradient over one chunk
+    let (m, k, n) = (400, 128, 300); // a weights' gradient over one chunk
     let (a, b, mut c) = (random(m, k), random(n, k), DMatrix::zeros(m, n));
     group.throughput(Throughput::Elements((2 * m * k * n) as u64));
     group.bench_function(format!("transposed {m}x{k}x{n}"), |bencher| {
