@@ -59,9 +59,10 @@ fn physics_seconds(env: EnvId) -> f64 {
 /// Seconds that the networks take for one environment step.
 fn network_seconds(spec: &RunSpec) -> f64 {
     // Forward passes, or what takes as many operations, that one step's sample goes through: ten epochs of two networks
-    // there and back, or twenty products of conjugate gradient, each two, and the value network's epochs.
+    // there and back, or the value network's epochs, twenty products of conjugate gradient on a fourth of the samples,
+    // each two, and the gradients and the line search.
     let passes = match spec.algorithm_name() {
-        "mcpo" | "trpo" | "mmd_il" => 80.0,
+        "mcpo" | "trpo" | "mmd_il" => 50.0,
         _ => 60.0,
     };
     let hidden: Vec<f64> = spec.network.hidden.iter().map(|width| width.get() as f64).collect();
