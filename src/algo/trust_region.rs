@@ -4,8 +4,10 @@
 //! [`Surrogate`].
 //!
 //! By default 1,024 samples of a batch, evenly spaced, make the Fisher matrix: products then cost a fourth of what all 4,096
-//! cost, the step gains as much at the same KL, whose model is some 4 % off, and learning does not suffer
-//! (`experiments/studies/shortcuts`, which also says why conjugate gradient neither stops by its residual nor starts warm).
+//! cost. At the same KL the step gains as much in HalfCheetah and Hopper and 3 points in 55 less in Ant, whose 111
+//! observations few samples tell least about; the model's KL is 2, 0 and 24 % off, within [`KL_MARGIN`]; and learning does not
+//! suffer (`experiments/studies/shortcuts`, which also says why conjugate gradient neither stops by its residual nor starts
+//! warm).
 
 use nalgebra::DMatrix;
 
