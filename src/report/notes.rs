@@ -46,15 +46,20 @@ pub fn of_table(runs: &[&Run], rows: &[Row]) -> Vec<String> {
     notes.push(format!("Budget: {} environment steps.", span(runs, |run| run.spec.budget.env_steps.get(), steps)));
     let episodes = span(runs, |run| run.spec.evaluation.final_episodes.get(), |episodes| episodes.to_string());
     notes.push(format!("Final evaluation: {episodes} episodes with the mean action."));
-    let most = cells.iter().map(|cell| cell.planned).max().unwrap_or(0);
-    if most < ENOUGH_SEEDS {
-        notes.push(format!(
-            "Fewer than {ENOUGH_SEEDS} seeds ({most}): the intervals hold for normal samples only, and say little of small differences."
-        ));
-    }
+    notes.extend(few_seeds(cells.iter().map(|cell| cell.planned)));
     notes.extend(readings(runs));
     notes.extend(failures(runs));
     notes
+}
+
+/// What to think of intervals where the cell with the fewest `seeds` has few.
+fn few_seeds(seeds: impl Iterator<Item = usize>) -> Option<String> {
+    let fewest = seeds.min().unwrap_or(0);
+    (fewest < ENOUGH_SEEDS).then(|| {
+        format!(
+            "Fewer than {ENOUGH_SEEDS} seeds ({fewest}): the intervals hold for normal samples only, and say little of small differences."
+        )
+    })
 }
 
 /// What the demonstrations of a table without a column for them returned; beside it the paper's, where it `compares`.
@@ -140,6 +145,12 @@ mod tests {
         assert!(notes.contains("Budget: 100 environment steps."), "{notes}");
         assert!(notes.contains("Samples of the MMD: MCPO demo_states."), "{notes}");
         assert!(notes.contains(&format!("Failed: {}: out of memory", runs[0].spec.id)), "{notes}");
+    }
+
+    #[test]
+    fn intervals_of_few_seeds_are_warned_of_though_other_cells_have_many() {
+        assert_eq!(few_seeds([10, 15].into_iter()), None);
+        assert!(few_seeds([15, 5].into_iter()).is_some_and(|note| note.starts_with("Fewer than 10 seeds (5)")));
     }
 
     #[test]

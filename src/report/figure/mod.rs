@@ -167,7 +167,8 @@ fn notes(data: &CurveData) -> String {
             named.filter_map(|(name, curve)| Some((panel.title.as_str(), name.as_str(), curve.as_ref()?)))
         })
         .collect();
-    let most = curves.iter().map(|(_, _, curve)| curve.planned).max().unwrap_or(0);
+    let planned = || curves.iter().map(|(_, _, curve)| curve.planned);
+    let (fewest, most) = (planned().min().unwrap_or(0), planned().max().unwrap_or(0));
     let kind = if data.log_y { "Geometric mean" } else { "Mean" };
     let band = match curves.iter().any(|(_, _, curve)| (2..SEEDS_FOR_BAND).contains(&curve.seeds)) {
         true if most < SEEDS_FOR_BAND => "from one to the other",
@@ -176,13 +177,14 @@ fn notes(data: &CurveData) -> String {
     };
     let mut notes = vec![match most {
         0 | 1 => "One seed a curve.".to_owned(),
+        _ if fewest < most => format!("{kind} over {fewest} to {most} seeds; shaded: {band}."),
         _ => format!("{kind} over {most} seeds; shaded: {band}."),
     }];
     let name =
         |env: &str, series: &str| if data.series.len() > 1 { format!("{series}, {env}") } else { env.to_owned() };
     let lacking: Vec<String> = curves
         .iter()
-        .filter(|(_, _, curve)| curve.seeds < most)
+        .filter(|(_, _, curve)| curve.seeds < curve.planned)
         .map(|(env, series, curve)| format!("{} ({} of {})", name(env, series), curve.seeds, curve.planned))
         .collect();
     if !lacking.is_empty() {
@@ -325,6 +327,15 @@ mod tests {
             });
             check(&figure(panels.collect(), 7, "a method", false));
         }
+    }
+
+    #[test]
+    fn curves_that_were_meant_to_have_fewer_seeds_lack_none() {
+        let (few, mut many) = (curve(&[1.0, 2.0]), curve(&[1.0, 2.0]));
+        (many.seeds, many.planned) = (15, 15);
+        let panels = vec![panel("Hopper-v2", vec![Some(few)]), panel("Ant-v2", vec![Some(many)])];
+        let told = notes(&figure(panels, 1, "MCPO", false));
+        assert!(told.starts_with("Mean over 5 to 15 seeds;") && !told.contains("Fewer finished"), "{told}");
     }
 
     #[test]
