@@ -68,13 +68,13 @@ impl EnvId {
     /// none: the distances of public environments around POfD, and heights that hold nearly all of the demonstration and end
     /// before the pole does.
     pub fn sparse_reward(self) -> Reward {
-        let sparse2 = |distance| Reward::Sparse2 { distance: constant(distance), mode: SparseMode::Beyond };
+        let sparse2 = |distance| Reward::Sparse2 { distance: constant(distance), mode: SparseMode::Milestone };
         let sparse3 = |height| Reward::Sparse3 { height: constant(height) };
         match self {
             Self::MountainCar => Reward::Sparse1,
             Self::InvertedPendulum => sparse3(0.59),
             Self::InvertedDoublePendulum => sparse3(0.89),
-            Self::HalfCheetah => sparse2(15.0),
+            Self::HalfCheetah => sparse2(5.0),
             Self::Hopper | Self::Walker2d | Self::Ant => sparse2(1.0),
         }
     }

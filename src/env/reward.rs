@@ -19,7 +19,7 @@ pub enum Reward {
     Sparse2 {
         /// Metres from the episode's start.
         distance: Positive,
-        /// Every step beyond the distance, or once for each whole distance.
+        /// Once for each whole distance, or on every step beyond the distance.
         #[serde(default)]
         mode: SparseMode,
     },
@@ -34,11 +34,11 @@ pub enum Reward {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum SparseMode {
-    /// On every step beyond the distance.
+    /// Once for each whole distance covered, so that going farther is worth more.
     #[default]
-    Beyond,
-    /// Once for each whole distance covered.
     Milestone,
+    /// On every step beyond the distance, which going farther does not make worth more.
+    Beyond,
 }
 
 impl Reward {

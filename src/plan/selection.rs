@@ -64,7 +64,7 @@ mod tests {
             ("budget.env_steps=100_000", 12),
             ("budget.env_steps=1e5", 12),
             ("network.hidden=300x400", 12),
-            ("reward=sparse2-1-beyond", 6),
+            ("reward=sparse2-1-milestone", 6),
         ] {
             let selection = Selection::parse(text).expect(text);
             assert_eq!(runs.iter().filter(|run| selection.matches(run)).count(), count, "{text}");
