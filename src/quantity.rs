@@ -69,6 +69,38 @@ bounded! {
     Discount, "a number from 0 to below 1", |x| (0.0..1.0).contains(&x)
 }
 
+/// A whole number of things, or none.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(try_from = "i64", into = "i64")]
+pub struct CountOrNone(u64);
+
+impl CountOrNone {
+    /// The number as it is.
+    pub const fn get(self) -> u64 {
+        self.0
+    }
+
+    /// The number as a size in memory.
+    pub const fn size(self) -> usize {
+        self.0 as usize
+    }
+}
+
+impl TryFrom<i64> for CountOrNone {
+    type Error = OutOfRange;
+
+    fn try_from(value: i64) -> Result<Self, OutOfRange> {
+        let expected = "a whole number, 0 or above";
+        u64::try_from(value).map(Self).map_err(|_| OutOfRange { value: value as f64, expected })
+    }
+}
+
+impl From<CountOrNone> for i64 {
+    fn from(count: CountOrNone) -> i64 {
+        count.0 as i64
+    }
+}
+
 /// Steps taken in an environment; at least one.
 pub type EnvSteps = Count;
 

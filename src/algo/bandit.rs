@@ -36,7 +36,7 @@ pub fn batch(agent: &Agent, n: usize, reward: impl Fn(f64, f64) -> f64, rng: &mu
     });
     let rewards = raw.iter().zip(&actions).map(|(&s, &a)| reward(s, a.into())).collect();
     let segments = (0..n).map(|i| Segment { range: i..i + 1, end: SegmentEnd::Terminated }).collect();
-    Batch { raw_observations: observations.map(f64::from), observations, means, actions, rewards, segments }
+    Batch { raw_observations: raw, observations, means, actions, rewards, segments }
 }
 
 /// A demonstration of `m` steps with the action `action(observation)`.

@@ -13,6 +13,13 @@
 //! and a step that should reach it falls short; at the demonstration's states, where the real D is known, recovery then
 //! follows in the same iteration.
 //!
+//! Three things keep the policy at the bound rather than below it, all where D is known at the demonstration's states. A trial
+//! that D's curvature carries over the bound is corrected before the step is halved
+//! ([`line_search`](crate::solver::line_search)). The normaliser starts with the demonstration's statistics and moves between
+//! iterations alone, with the networks following ([`Agent::absorb`]), so that D stays where the last step left it. And recovery,
+//! which is then met at the start alone, goes on far below the bound, as the appendix has it ("as much as possible"): on the
+//! edge of a loose bound the policy may be one that never meets a reward.
+//!
 //! What the appendix leaves open, and what is done here: `c = d_k - D(theta_k)`; D is MMD^2; the line search halves the step
 //! until the real KL, the real surrogate and the real D agree with it; advantages are not normalised; the value network is
 //! fitted after the policy's step, so that advantages come from a network that has not seen the batch; the tolerance grows in
@@ -27,23 +34,32 @@ use super::{
     finite, gae, mimicry,
     mimicry::{Costs, Measured, Mimicry, Samples},
     stopwatch::Stopwatch,
-    trust_region::{self, GAIN_SHARE, KL_MARGIN, Region, Surrogate, Trial},
+    tolerance::Tolerance,
+    trust_region::{self, Found, GAIN_SHARE, KL_MARGIN, Region, Surrogate, Trial},
 };
 use crate::{
     demo::Demonstration,
     env::EnvId,
-    nn::{GaussianPolicy, Pass},
-    quantity::{Count, Discount, NonNegative, Positive, UnitInterval, constant},
+    nn::{GaussianPolicy, Normalizer, Pass},
+    quantity::{Count, CountOrNone, Discount, NonNegative, Positive, UnitInterval, constant},
     rng::{Rng, Seed},
-    solver::{LinearConstraint, Step, dual::DualSolution},
+    solver::{
+        LinearConstraint, Step,
+        dual::DualSolution,
+        line_search::{Refused, WayBack},
+    },
 };
+
+/// The constraint is met where D exceeds the tolerance by less than this share of it: a correction ends near the bound, on
+/// either side.
+const D_MARGIN: f64 = 1e-3;
 
 /// MCPO's hyperparameters; the defaults are the paper's Tables 1 and 2.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Hyperparameters {
-    /// The tolerance d on MMD^2 at the first iteration.
-    pub d: Positive,
+    /// The tolerance d on MMD^2 at the first iteration: a number, or a share of what doing nothing has.
+    pub d: Tolerance,
     /// The annealing factor: `d_k+1 = d_k (1 + epsilon)`.
     pub epsilon: NonNegative,
     /// d grows no further than this; no ceiling when absent.
@@ -73,10 +89,15 @@ pub struct Hyperparameters {
     pub minibatch: Count,
     /// Steps that the line search tries, each half the one before.
     pub line_search_steps: Count,
+    /// Times that a trial whose D exceeds what is allowed is moved back before the step is halved (`samples =
+    /// "demo_states"`).
+    pub corrections: CountOrNone,
     /// Adam steps of one recovery, at most (`samples = "demo_states"`).
     pub recovery_steps: Count,
     /// Adam's step size in recovery.
     pub recovery_learning_rate: Positive,
+    /// The share of the tolerance down to which recovery goes; 1 stops where the constraint is met.
+    pub recovery_depth: UnitInterval,
 }
 
 impl Hyperparameters {
@@ -92,7 +113,7 @@ impl Hyperparameters {
             EnvId::Ant => (1e-5, 1e-3),
         };
         Self {
-            d: constant(d),
+            d: Tolerance::Absolute(constant(d)),
             epsilon: constant(epsilon),
             max_d: None,
             mmd: mimicry::Hyperparameters::default(),
@@ -107,8 +128,10 @@ impl Hyperparameters {
             value_epochs: constant(10),
             minibatch: constant(if env == EnvId::MountainCar { 64 } else { 1024 }),
             line_search_steps: constant(10),
+            corrections: constant(3),
             recovery_steps: constant(500),
             recovery_learning_rate: constant(1e-3),
+            recovery_depth: constant(0.01),
         }
     }
 
@@ -155,15 +178,19 @@ struct Outcome {
     gain: f64,
     mmd_after: f64,
     step_fraction: f64,
+    corrections: u64,
     recovery_steps: Option<u64>,
 }
 
 impl Mcpo {
     /// MCPO from `agent` on, near `demonstration`.
-    pub fn new(hyperparameters: Hyperparameters, agent: Agent, demonstration: &Demonstration, seed: Seed) -> Self {
+    pub fn new(hyperparameters: Hyperparameters, mut agent: Agent, demonstration: &Demonstration, seed: Seed) -> Self {
+        if hyperparameters.mmd.samples == Samples::DemoStates {
+            agent.normalizer = Normalizer::from_columns(&demonstration.observations, agent.normalizer.clip()).held();
+        }
         let mimicry = Mimicry::new(hyperparameters.mmd.clone(), demonstration, agent.hidden(), seed);
         let critic = Critic::new(&agent.value);
-        let tolerance = hyperparameters.d.get();
+        let tolerance = hyperparameters.d.bound(|| mimicry.of_doing_nothing());
         Self {
             hyperparameters,
             mimicry,
@@ -205,27 +232,35 @@ impl OnPolicy for Mcpo {
         let solved = hyperparameters.region().step(&agent.policy, &batch.observations, pass, &g, Some(constraint));
         watch.lap("conjugate gradient");
 
-        let iteration =
-            Iteration { hyperparameters, surrogate: &surrogate, measured: &measured, tolerance: *tolerance };
+        let start = agent.policy.clone();
+        let iteration = Iteration {
+            hyperparameters,
+            start: &start,
+            observations: &batch.observations,
+            surrogate: &surrogate,
+            measured: &measured,
+            way_back: solved.way_back,
+            tolerance: *tolerance,
+        };
         let outcome = match (&solved.step, solved.solution) {
             (
                 Some(step),
                 DualSolution::Inactive { .. } | DualSolution::Active { .. } | DualSolution::DegenerateB { .. },
-            ) => iteration.search(&mut agent.policy, step, Some(-solved.objective_change), mimicry, trial_pass),
+            ) => iteration.search(&mut agent.policy, step, Some(-solved.objective_change), mimicry, pass, trial_pass),
             (Some(_), DualSolution::DegenerateG { .. }) if slack >= 0.0 => iteration.stay(),
             (Some(step), _) => {
-                let outcome = iteration.search(&mut agent.policy, step, None, mimicry, trial_pass);
+                let outcome = iteration.search(&mut agent.policy, step, None, mimicry, pass, trial_pass);
                 match hyperparameters.mmd.samples {
                     // The step was to reach the tolerance, and D is known well enough to see that it did not.
-                    Samples::DemoStates if outcome.mmd_after > *tolerance => {
-                        let recovered = iteration.recover(agent, mimicry, &batch.observations, pass, trial_pass)?;
+                    Samples::DemoStates if outcome.mmd_after > (1.0 + D_MARGIN) * *tolerance => {
+                        let recovered = iteration.recover(agent, mimicry, 1.0, pass, trial_pass)?;
                         Outcome { step_fraction: outcome.step_fraction, ..recovered }
                     }
                     _ => outcome,
                 }
             }
             (None, DualSolution::Infeasible) => {
-                iteration.recover(agent, mimicry, &batch.observations, pass, trial_pass)?
+                iteration.recover(agent, mimicry, hyperparameters.recovery_depth.get(), pass, trial_pass)?
             }
             (None, _) => return Err(AlgoError::Undefined { q: solved.q, r: solved.r, s: solved.s }),
         };
@@ -234,6 +269,7 @@ impl OnPolicy for Mcpo {
         let value_loss =
             critic.fit(&mut agent.value, &batch.observations, &estimate.returns, hyperparameters.critic_fit(), rng)?;
         watch.lap("value");
+        agent.absorb(&batch.raw_observations);
 
         let d = *tolerance;
         *tolerance =
@@ -251,6 +287,7 @@ impl OnPolicy for Mcpo {
             lambda: multipliers.map(|(lambda, _)| lambda),
             nu: multipliers.map(|(_, nu)| nu),
             step_fraction: Some(outcome.step_fraction),
+            corrections: Some(outcome.corrections),
             cg_iterations: Some(solved.products as u64),
             recovery_steps: outcome.recovery_steps,
             seconds: watch.laps(),
@@ -273,8 +310,14 @@ impl OnPolicy for Mcpo {
 /// What the parts of one iteration's step share.
 struct Iteration<'a> {
     hyperparameters: &'a Hyperparameters,
+    /// The policy at its start.
+    start: &'a GaussianPolicy,
+    /// What it saw, normalised `[observation_dim x n]`.
+    observations: &'a DMatrix<f32>,
     surrogate: &'a Surrogate<'a>,
     measured: &'a Measured,
+    /// Along which D is lowered soonest, where the dual has asked for it.
+    way_back: Option<WayBack>,
     /// d_k.
     tolerance: f64,
 }
@@ -294,60 +337,85 @@ impl Iteration<'_> {
         step: &Step,
         promised: Option<f64>,
         mimicry: &mut Mimicry,
+        fisher_pass: &mut Pass,
         pass: &mut Pass,
     ) -> Outcome {
-        let max_kl = KL_MARGIN * self.hyperparameters.max_kl.get();
-        let max_mmd = self.tolerance.max(self.measured.mmd);
-        let trials = self.hyperparameters.line_search_steps.size();
-        let found = trust_region::search(policy, step, trials, |trial_policy, fraction| {
-            let trial = self.surrogate.measure(trial_policy, pass);
-            let mmd = mimicry.at(self.measured, trial_policy, &trial.ratios);
-            let enough = promised.map_or(f64::NEG_INFINITY, |gain| GAIN_SHARE * fraction * gain);
-            // Each test is one that NaN fails.
-            let tests = [(trial.kl <= max_kl, "KL"), (mmd <= max_mmd, "D"), (trial.gain >= enough, "surrogate")];
-            tests.into_iter().find(|(passed, _)| !passed).map_or(Ok((trial, mmd)), |(_, failed)| Err(failed))
-        });
+        let h = self.hyperparameters;
+        let max_kl = KL_MARGIN * h.max_kl.get();
+        let met = (1.0 + D_MARGIN) * self.tolerance;
+        let max_mmd = met.max(self.measured.mmd);
+        let trials = h.line_search_steps.size();
+        // From a rollout D is known to first order alone, which has no curvature to correct.
+        let corrections = if h.mmd.samples == Samples::DemoStates { h.corrections.size() } else { 0 };
+        let way_back = || {
+            let solve = || h.region().way_back(self.start, self.observations, fisher_pass, &self.measured.gradient);
+            Some(self.way_back.clone().unwrap_or_else(solve))
+        };
+        let found = trust_region::search_corrected(
+            policy,
+            step,
+            trials,
+            corrections,
+            way_back,
+            |trial, fraction, correctable| {
+                if correctable {
+                    let mmd = mimicry.at(self.measured, trial, &[]);
+                    if mmd > met {
+                        return Err(Refused::Excess(mmd - self.tolerance));
+                    }
+                }
+                let measured = self.surrogate.measure(trial, pass);
+                let mmd = mimicry.at(self.measured, trial, &measured.ratios);
+                let enough = promised.map_or(f64::NEG_INFINITY, |gain| GAIN_SHARE * fraction * gain);
+                // Each test is one that NaN fails.
+                let tests =
+                    [(measured.kl <= max_kl, "KL"), (mmd <= max_mmd, "D"), (measured.gain >= enough, "surrogate")];
+                let failed = tests.into_iter().find(|(passed, _)| !passed);
+                failed.map_or(Ok((measured, mmd)), |(_, failed)| Err(Refused::Because(failed)))
+            },
+        );
         found.map_or_else(
             || self.stay(),
-            |(step_fraction, (Trial { gain, kl, .. }, mmd_after))| Outcome {
+            |Found { fraction, corrections, verdict: (Trial { gain, kl, .. }, mmd_after) }| Outcome {
                 kl,
                 gain,
                 mmd_after,
-                step_fraction,
+                step_fraction: fraction,
+                corrections: corrections as u64,
                 recovery_steps: None,
             },
         )
     }
 
     /// Eq. (13), for a constraint out of reach. At the demonstration's states D is known everywhere, and Adam descends on it
-    /// until it is within the tolerance, whatever the KL. From a rollout it is known nearby alone, and one step of the
+    /// until it is within `depth` times the tolerance, whatever the KL. From a rollout it is known nearby alone, and one step of the
     /// trust region goes down its gradient.
     fn recover(
         &self,
         agent: &mut Agent,
         mimicry: &mut Mimicry,
-        observations: &DMatrix<f32>,
+        depth: f64,
         fisher_pass: &mut Pass,
         pass: &mut Pass,
     ) -> Result<Outcome, AlgoError> {
         let h = self.hyperparameters;
         match h.mmd.samples {
             Samples::DemoStates => {
-                let descent =
-                    mimicry.descend(agent, self.tolerance, h.recovery_steps.get(), h.recovery_learning_rate.get())?;
+                let enough = depth * self.tolerance;
+                let descent = mimicry.descend(agent, enough, h.recovery_steps.get(), h.recovery_learning_rate.get())?;
                 let Trial { gain, kl, .. } = self.surrogate.measure(&agent.policy, pass);
                 Ok(Outcome {
                     kl,
                     gain,
                     mmd_after: descent.after,
-                    step_fraction: 0.0,
                     recovery_steps: Some(descent.steps),
+                    ..Outcome::default()
                 })
             }
             Samples::Rollout => {
-                let solved = h.region().step(&agent.policy, observations, fisher_pass, &self.measured.gradient, None);
+                let solved = h.region().step(self.start, self.observations, fisher_pass, &self.measured.gradient, None);
                 let outcome = match &solved.step {
-                    Some(step) => self.search(&mut agent.policy, step, None, mimicry, pass),
+                    Some(step) => self.search(&mut agent.policy, step, None, mimicry, fisher_pass, pass),
                     None => self.stay(),
                 };
                 Ok(Outcome { recovery_steps: Some(1), ..outcome })
@@ -371,7 +439,7 @@ mod tests {
 
     fn hyperparameters(samples: Samples, d: f64) -> Hyperparameters {
         Hyperparameters {
-            d: constant(d),
+            d: Tolerance::Absolute(constant(d)),
             epsilon: constant(0.05),
             max_kl: constant(2e-2),
             learning_rate: constant(1e-2),
@@ -442,7 +510,7 @@ mod tests {
                 assert!(update.kl.expect("measured") <= KL_MARGIN * 2e-2, "{update:?}");
             }
             let bound = update.mmd.zip(update.d).map(|(mmd, d)| mmd.max(d));
-            assert!(update.mmd_after <= bound, "{update:?}");
+            assert!(update.mmd_after <= bound.map(|bound| (1.0 + D_MARGIN) * bound), "{update:?}");
         }
         assert!(cases.contains("infeasible") && cases.len() >= 2, "{cases:?}");
     }
@@ -451,11 +519,12 @@ mod tests {
     #[test]
     fn a_step_that_falls_short_of_the_tolerance_is_followed_by_recovery() {
         let demonstration = bandit::demonstration(100, |s| s + 1.2);
-        let h = Hyperparameters { max_kl: constant(2.0), ..hyperparameters(Samples::DemoStates, 1e-3) };
+        let h = hyperparameters(Samples::DemoStates, 1e-3);
+        let h = Hyperparameters { max_kl: constant(2.0), corrections: constant(0), ..h };
         let mut mcpo = Mcpo::new(h, bandit::agent(0.5), &demonstration, Seed(0));
         let updates = train(&mut mcpo, 2, |_, _| 0.0, &mut Seed(0).stream(Stream::Update, 0));
         for update in &updates {
-            assert!(update.mmd_after <= update.d, "{update:?}");
+            assert!(update.mmd_after <= update.d.map(|d| (1.0 + D_MARGIN) * d), "{update:?}");
         }
         assert_eq!(updates[0].case.as_deref(), Some("degenerate_g"), "the linear model sees a way");
         assert!(updates[0].recovery_steps.is_some_and(|steps| steps > 0));
@@ -473,9 +542,11 @@ mod tests {
     #[test]
     fn without_reward_and_within_the_tolerance_the_policy_stands_still() {
         let mut mcpo = mcpo(Samples::DemoStates, 10.0);
-        let before = mcpo.agent().policy.clone();
+        let acts = |mcpo: &Mcpo| bandit::score(mcpo.agent(), |s, a| (1.0 + s) * a);
+        let before = acts(&mcpo);
         let updates = train(&mut mcpo, 2, |_, _| 0.0, &mut Seed(0).stream(Stream::Update, 0));
-        assert_eq!(mcpo.agent().policy, before);
+        // Its units have moved, and its weights with them.
+        assert!((acts(&mcpo) - before).abs() < 1e-6);
         assert!(updates.iter().all(|update| update.case.as_deref() == Some("degenerate_g")));
     }
 

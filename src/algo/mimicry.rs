@@ -214,6 +214,13 @@ impl Mimicry {
         unreachable!("the loop ends at its last step")
     }
 
+    /// MMD^2 between the demonstration and the mean action 0 at its states.
+    pub fn of_doing_nothing(&self) -> f64 {
+        let Self { states, target, .. } = self;
+        let action_dim = target.dim() - states.nrows();
+        target.mmd_squared(&stack(states, &DMatrix::zeros(action_dim, states.ncols())))
+    }
+
     /// Everything the next measurement depends on.
     pub fn save(&self) -> Vec<u8> {
         super::to_bytes(&self.state)

@@ -22,9 +22,11 @@ pub mod pretraining;
 #[cfg(test)]
 mod reference;
 mod stopwatch;
+pub mod tolerance;
 pub mod trpo;
 pub mod trust_region;
 
+use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
 pub use batch::{Batch, Segment, SegmentEnd};
@@ -53,6 +55,16 @@ impl Agent {
     pub fn hidden(&self) -> &[usize] {
         let widths = self.value.widths();
         &widths[1..widths.len() - 1]
+    }
+
+    /// Takes a rollout's raw observations (`[observation_dim x n]`) into account in a normaliser that was
+    /// [held](Normalizer::held) meanwhile, and does nothing to another. Policy and value network stay the functions of raw observations that they were,
+    /// up to rounding and the clip (van Hasselt et al., 2016, do so with outputs).
+    pub fn absorb(&mut self, raw_observations: &DMatrix<f64>) {
+        if let Some(rescaling) = self.normalizer.absorb(raw_observations) {
+            self.policy.rescale_inputs(&rescaling);
+            self.value.rescale_inputs(&rescaling);
+        }
     }
 }
 
@@ -140,6 +152,8 @@ pub struct Update {
     pub nu: Option<f64>,
     /// The fraction of the step that the line search took; 0 when it rejected all.
     pub step_fraction: Option<f64>,
+    /// Second-order corrections of the accepted trial.
+    pub corrections: Option<u64>,
     /// Products that conjugate gradient took.
     pub cg_iterations: Option<u64>,
     /// Steps of the recovery by Eq. (13).

@@ -18,7 +18,8 @@ use crate::{
         ConstrainedStep, LinearConstraint, Step, Theta,
         conjugate_gradient::Limits,
         constrained_step,
-        line_search::{self, Search},
+        line_search::{self, Refused, Search, WayBack},
+        way_back,
     },
 };
 
@@ -54,18 +55,39 @@ impl Region {
         g: &[f32],
         constraint: Option<LinearConstraint<'_>>,
     ) -> ConstrainedStep {
-        // Nothing but rounding is left below this.
-        let limits = Limits { iterations: self.cg_iterations, relative_residual: 1e-10 };
+        let some = self.thinned(observations);
+        if let Some(some) = &some {
+            policy.forward(some, pass);
+        }
+        let mut fisher = Fisher::new(policy, some.as_ref().unwrap_or(observations), pass, self.damping);
+        constrained_step(&mut fisher, g, constraint, self.max_kl, self.limits())
+    }
+
+    /// The way along which b's constraint (`b` `[policy's dim]`) is met again soonest. `pass` is used up.
+    pub fn way_back(
+        &self,
+        policy: &GaussianPolicy,
+        observations: &DMatrix<f32>,
+        pass: &mut Pass,
+        b: &[f32],
+    ) -> WayBack {
+        let some = self.thinned(observations);
+        let observations = some.as_ref().unwrap_or(observations);
+        policy.forward(observations, pass);
+        way_back(&mut Fisher::new(policy, observations, pass, self.damping), b, self.limits())
+    }
+
+    /// The observations that make the Fisher matrix, where not all do.
+    fn thinned(&self, observations: &DMatrix<f32>) -> Option<DMatrix<f32>> {
         let n = observations.ncols();
         let every = spacing(n, self.fisher_samples);
-        if every == 1 {
-            let mut fisher = Fisher::new(policy, observations, pass, self.damping);
-            return constrained_step(&mut fisher, g, constraint, self.max_kl, limits);
-        }
         // Evenly spaced: neighbours in time say nearly the same.
-        let some = observations.columns_with_step(0, n.div_ceil(every), every - 1).into_owned();
-        policy.forward(&some, pass);
-        constrained_step(&mut Fisher::new(policy, &some, pass, self.damping), g, constraint, self.max_kl, limits)
+        (every > 1).then(|| observations.columns_with_step(0, n.div_ceil(every), every - 1).into_owned())
+    }
+
+    fn limits(&self) -> Limits {
+        // Nothing but rounding is left below this.
+        Limits { iterations: self.cg_iterations, relative_residual: 1e-10 }
     }
 }
 
@@ -83,13 +105,39 @@ pub fn search<V>(
     trials: usize,
     mut judge: impl FnMut(&GaussianPolicy, f64) -> Result<V, &'static str>,
 ) -> Option<(f64, V)> {
+    let judge = |policy: &GaussianPolicy, fraction, _| judge(policy, fraction).map_err(Refused::Because);
+    let found = search_corrected(policy, step, trials, 0, || None, judge)?;
+    Some((found.fraction, found.verdict))
+}
+
+/// Where a search ended.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Found<V> {
+    /// The fraction of the step that was taken.
+    pub fraction: f64,
+    /// How often the accepted trial was corrected.
+    pub corrections: usize,
+    /// What the judge said of it.
+    pub verdict: V,
+}
+
+/// The same, where a trial that exceeds a constraint is corrected before the step is halved, see
+/// [`line_search::backtrack_corrected`]. `judge` is told too whether the trial is correctable.
+pub fn search_corrected<V>(
+    policy: &mut GaussianPolicy,
+    step: &Step,
+    trials: usize,
+    corrections: usize,
+    way_back: impl FnOnce() -> Option<WayBack>,
+    mut judge: impl FnMut(&GaussianPolicy, f64, bool) -> Result<V, Refused<&'static str>>,
+) -> Option<Found<V>> {
     let start = Theta::new(policy.parameters());
-    let found = line_search::backtrack(&start, step, trials, |theta, fraction| {
-        policy.set_parameters(theta.as_slice());
-        judge(policy, fraction)
+    let found = line_search::backtrack_corrected(&start, step, trials, corrections, way_back, |trial| {
+        policy.set_parameters(trial.theta.as_slice());
+        judge(policy, trial.fraction, trial.correctable)
     });
     match found {
-        Search::Accepted { fraction, verdict, .. } => Some((fraction, verdict)),
+        Search::Accepted { fraction, corrections, verdict, .. } => Some(Found { fraction, corrections, verdict }),
         Search::Rejected { reasons } => {
             tracing::debug!(?reasons, "the line search rejected every trial");
             policy.set_parameters(start.as_slice());

@@ -96,6 +96,11 @@ impl Target {
         Self { points, centre, kernel, estimator, self_similarity }
     }
 
+    /// Numbers of a point.
+    pub fn dim(&self) -> usize {
+        self.centre.len()
+    }
+
     /// MMD^2 between `samples` (`[dim x n]`, at least one) and the target. NaN where a sample is.
     pub fn mmd_squared(&self, samples: &DMatrix<f32>) -> f64 {
         let samples = Points::centred(samples, &self.centre);

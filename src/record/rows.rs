@@ -127,6 +127,7 @@ table! { progress_frame, progress_rows, Iteration;
     lambda: Option<f64> = update.lambda;
     nu: Option<f64> = update.nu;
     step_fraction: Option<f64> = update.step_fraction;
+    corrections: Option<u64> = update.corrections;
     cg_iterations: Option<u64> = update.cg_iterations;
     recovery_steps: Option<u64> = update.recovery_steps;
     discriminator_loss: Option<f64> = update.discriminator_loss;
@@ -139,7 +140,7 @@ table! { progress_frame, progress_rows, Iteration;
         rollout_seconds, update_seconds,
         update: Update {
             kl, entropy, surrogate_gain, value_loss, clip_fraction, mmd, mmd_after, d: d_k, case, lambda, nu,
-            step_fraction, cg_iterations, recovery_steps, discriminator_loss, cloning_loss,
+            step_fraction, corrections, cg_iterations, recovery_steps, discriminator_loss, cloning_loss,
             seconds: Vec::new(), // for `bench` alone; not recorded
         },
     }

@@ -5,6 +5,7 @@ use super::{
     conjugate_gradient::{Limits, Stop},
     dot,
     dual::{self, DualSolution},
+    line_search::WayBack,
 };
 
 /// `b.x <= slack`.
@@ -31,6 +32,8 @@ pub struct ConstrainedStep {
     /// `s = b.H^-1 b`; `None` where the optimum does not depend on it: without a constraint, where the solution without the
     /// constraint meets it, and where `g` is zero and the origin feasible.
     pub s: Option<f64>,
+    /// `w = H^-1 b` with s; `None` where s is.
+    pub way_back: Option<WayBack>,
     /// `g.x`, the linear change of the objective under the whole step, 0 or below unless a violated constraint must be
     /// met; 0 without a step.
     pub objective_change: f64,
@@ -73,8 +76,14 @@ pub fn constrained_step(
         q: u.square,
         r,
         s: w.as_ref().map(|w| w.square),
-        products: u.products + w.map_or(0, |w| w.products),
+        products: u.products + w.as_ref().map_or(0, |w| w.products),
+        way_back: w.map(Inverse::into_way_back),
     }
+}
+
+/// `w = H^-1 b`, the shortest way in H's norm along which what b is the gradient of changes.
+pub fn way_back(hessian: &mut dyn LinearOperator, b: &[f32], limits: Limits) -> WayBack {
+    Inverse::of(hessian, b, limits).into_way_back()
 }
 
 /// `alpha u + beta w`, in f64: where g and b are nearly parallel the two cancel.
@@ -98,6 +107,10 @@ impl Inverse {
             _ => dot(v, &solved.x),
         };
         Self { vector: solved.x, square, products: solved.iterations }
+    }
+
+    fn into_way_back(self) -> WayBack {
+        WayBack { direction: Step::new(self.vector), slope: self.square }
     }
 }
 

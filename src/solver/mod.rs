@@ -15,7 +15,7 @@ pub mod line_search;
 
 use pulp::Arch;
 
-pub use constrained::{ConstrainedStep, LinearConstraint, constrained_step};
+pub use constrained::{ConstrainedStep, LinearConstraint, constrained_step, way_back};
 
 /// A symmetric positive definite matrix, known by its products.
 pub trait LinearOperator {
@@ -55,6 +55,15 @@ impl Theta {
         for ((there, &from), &along) in self.0.iter_mut().zip(&start.0).zip(&step.0) {
             *there = from + fraction * along;
         }
+    }
+}
+
+impl Theta {
+    /// Moves on by `fraction * step`.
+    fn advance(&mut self, step: &Step, fraction: f64) {
+        debug_assert_eq!(self.0.len(), step.0.len());
+        let fraction = fraction as f32;
+        self.0.iter_mut().zip(&step.0).for_each(|(here, &along)| *here += fraction * along);
     }
 }
 
