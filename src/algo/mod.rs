@@ -37,7 +37,7 @@ use crate::{
 };
 
 /// Part of every run's fingerprint; raise it whenever an algorithm, a network or the training loop gives other numbers.
-pub const REVISION: u32 = 5;
+pub const REVISION: u32 = 6;
 
 /// What learns: a policy, a value network, and the normaliser of both networks' inputs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -4,7 +4,7 @@
 //! MCPO the standardised observation above the raw action. Start at [`Target`].
 //!
 //! Kernel values are f32 with a relative error below 1e-5 for points of squared norm below 50 (about the demonstration's
-//! mean); their sums are f64 in a fixed order. Memory is one block of kernel values beside the points, whatever their
+//! mean); their sums are f64 of at most 16 in f32, in a fixed order. Memory is one block of kernel values beside the points, whatever their
 //! number. The work is `n (n / 2 + m)` kernel values.
 
 use nalgebra::{DMatrix, DVector};
@@ -69,7 +69,7 @@ struct Sums {
     to_target: Vec<f64>,
 }
 
-/// For each sample the sum of other points, weighted by their kernel value `[dim x n]`.
+/// For each sample the sum of other points, in their own scale, weighted by their kernel value `[dim x n]`.
 struct WeightedSums {
     of_samples: DMatrix<f32>,
     of_target: DMatrix<f32>,
@@ -84,9 +84,9 @@ impl Target {
             points.nrows(),
             points.row_iter().map(|row| (row.iter().map(|&x| f64::from(x)).sum::<f64>() / m as f64) as f32),
         );
-        let points = Points::centred(&points, &centre);
+        let points = Points::new(&points, &centre, kernel);
         let mut sums = vec![0.0; m];
-        pairs::within(kernel, &points, |block| {
+        pairs::within(&points, |block| {
             block.add_column_sums(&mut sums);
             if block.rows != block.columns {
                 block.add_row_sums(&mut sums);
@@ -103,24 +103,26 @@ impl Target {
 
     /// MMD^2 between `samples` (`[dim x n]`, at least one) and the target. NaN where a sample is.
     pub fn mmd_squared(&self, samples: &DMatrix<f32>) -> f64 {
-        let samples = Points::centred(samples, &self.centre);
+        let samples = Points::new(samples, &self.centre, self.kernel);
         self.value(&self.pass(&samples, None))
     }
 
     /// MMD^2, and its gradient with respect to each sample (`[dim x n]`).
     pub fn mmd_squared_gradient(&self, samples: &DMatrix<f32>, gradient: &mut DMatrix<f32>) -> f64 {
         assert_eq!(samples.shape(), gradient.shape(), "a gradient has its samples' shape");
-        let samples = Points::centred(samples, &self.centre);
-        let zeros = || DMatrix::zeros(samples.columns().nrows(), samples.len());
+        let samples = Points::new(samples, &self.centre, self.kernel);
+        let zeros = || DMatrix::zeros(samples.dim(), samples.len());
         let mut weighted = WeightedSums { of_samples: zeros(), of_target: zeros() };
         let sums = self.pass(&samples, Some(&mut weighted));
         // d k(x, y) / dx = -2 scale k(x, y) (x - y); a pair of samples counts twice, from either end, and so does a pair
         // with the target, by the 2 of Eq. (4).
         let n = samples.len();
-        let own = -4.0 * self.kernel.scale / self.estimator.pairs(n);
-        let other = 4.0 * self.kernel.scale / (n as f64 * self.points.len() as f64);
+        // The differences are in the points' scale.
+        let factor = 4.0 * self.kernel.scale / samples.scale();
+        let own = -factor / self.estimator.pairs(n);
+        let other = factor / (n as f64 * self.points.len() as f64);
         for (j, mut column) in gradient.column_iter_mut().enumerate() {
-            let x = samples.columns().column(j);
+            let x = samples.columns(j..j + 1);
             let (own_mean, other_mean) = (weighted.of_samples.column(j), weighted.of_target.column(j));
             for (i, slope) in column.iter_mut().enumerate() {
                 let x = f64::from(x[i]);
@@ -139,7 +141,7 @@ impl Target {
     /// the policy's; the mean witness is then an unbiased estimate too.
     pub fn mmd_squared_witness(&self, samples: &DMatrix<f32>, witness: &mut [f64]) -> f64 {
         assert_eq!(samples.ncols(), witness.len(), "a sample has one witness");
-        let samples = Points::centred(samples, &self.centre);
+        let samples = Points::new(samples, &self.centre, self.kernel);
         let sums = self.pass(&samples, None);
         let n = samples.len();
         let own = if self.estimator.counts_itself(n) { 1.0 } else { 0.0 };
@@ -154,26 +156,24 @@ impl Target {
         assert!(samples.len() > 0, "the MMD needs at least one sample");
         let n = samples.len();
         let mut sums = Sums { to_samples: vec![0.0; n], to_target: vec![0.0; n] };
-        pairs::within(self.kernel, samples, |block| {
+        pairs::within(samples, |block| {
             let (rows, columns) = (block.rows.clone(), block.columns.clone());
             block.add_column_sums(&mut sums.to_samples);
             if rows != columns {
                 block.add_row_sums(&mut sums.to_samples);
             }
             if let Some(WeightedSums { of_samples, .. }) = &mut weighted {
-                let points = samples.columns();
                 let target = of_samples.columns_range_mut(columns.clone());
-                product(points.columns_range(rows.clone()), block.values, 1.0, target);
+                product(samples.columns(rows.clone()), block.values, 1.0, target);
                 if rows != columns {
-                    product_nt(points.columns_range(columns), block.values, 1.0, of_samples.columns_range_mut(rows));
+                    product_nt(samples.columns(columns), block.values, 1.0, of_samples.columns_range_mut(rows));
                 }
             }
         });
-        pairs::between(self.kernel, &self.points, samples, |block| {
+        pairs::between(&self.points, samples, |block| {
             block.add_column_sums(&mut sums.to_target);
             if let Some(WeightedSums { of_target, .. }) = &mut weighted {
-                let points = self.points.columns().columns_range(block.rows);
-                product(points, block.values, 1.0, of_target.columns_range_mut(block.columns));
+                product(self.points.columns(block.rows), block.values, 1.0, of_target.columns_range_mut(block.columns));
             }
         });
         sums

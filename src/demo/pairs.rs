@@ -1,60 +1,92 @@
 //! Kernel values between all pairs of points, block by block.
 //!
-//! Owns how squared distances are computed: `|x|^2 + |y|^2 - 2 x.y` with the cross products of a block in one matrix
-//! product, and again from differences where that formula cancels. Knows nothing of what the values are summed for.
-//! Start at [`between`] and [`within`].
+//! Owns how exponents are computed. Points are scaled so that the kernel is `2^(-|x - y|^2 / 2)`, and that exponent is one
+//! matrix product: `x.y - |x|^2 / 2 - |y|^2 / 2`, with the norms as two more numbers of each point; again from differences
+//! where that formula cancels. Knows nothing of what the values are summed for. Start at [`between`] and [`within`].
 
-use std::ops::Range;
+use std::{array, ops::Range};
 
 use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut, DVector};
 use pulp::Arch;
 
 use super::Kernel;
-use crate::arithmetic::{exp, product::product_tn};
+use crate::arithmetic::{exp2_nonpositive, product::product};
 
-/// Points a block has on each side; one block of kernel values (256 KiB) stays in a core's own cache.
-const BLOCK: usize = 256;
+/// Points a block has on each side: whole tiles of the product on every machine, and one block of kernel values (225 KiB)
+/// stays in a core's own cache.
+const BLOCK: usize = 240;
+
+/// How many kernel values are added in f32, each sum from zero, before they are added in f64: as many terms round by
+/// no more than a kernel value itself does.
+const GROUP: usize = 16;
 
 /// A squared distance below this share of `|x|^2 + |y|^2` has lost digits to cancellation (about `4e-7 (|x|^2 + |y|^2)`
 /// absolute), so it is computed again from the differences. What is left has a relative error below 1e-4.
 const CLOSE: f32 = 0.01;
 
-/// Points, one a column, moved so that a common centre is at 0, which keeps norms and so cancellation small.
+/// Points, one a column, moved so that a common centre is at 0, which keeps norms and so cancellation small, and scaled so
+/// that their kernel is `2^(-|x - y|^2 / 2)`.
 #[derive(Debug, Clone)]
 pub(super) struct Points {
+    /// For each point x: x, 1, and `-|x|^2 / 2` `[(dim + 2) x n]`.
     columns: DMatrix<f32>,
-    squared_norms: Vec<f32>,
+    /// For each point x: x, `-|x|^2 / 2`, and 1 `[n x (dim + 2)]`; times [`columns`](Self::columns) it gives exponents.
+    rows: DMatrix<f32>,
+    /// How far the points were stretched.
+    scale: f64,
 }
 
 impl Points {
-    /// `points` (`[dim x n]`) less `centre` (`[dim]`).
-    pub(super) fn centred(points: &DMatrix<f32>, centre: &DVector<f32>) -> Self {
+    /// `points` (`[dim x n]`) less `centre` (`[dim]`), for `kernel`.
+    pub(super) fn new(points: &DMatrix<f32>, centre: &DVector<f32>, kernel: Kernel) -> Self {
         assert_eq!(points.nrows(), centre.len(), "points and their target have the same dimension");
-        let mut columns = points.clone();
-        for mut column in columns.column_iter_mut() {
-            column -= centre;
+        let (dim, n) = points.shape();
+        // exp(-k d^2) = 2^(-(s d)^2 / 2).
+        let scale = (2.0 * kernel.scale * std::f64::consts::LOG2_E).sqrt();
+        let mut columns = DMatrix::from_element(dim + 2, n, 1.0);
+        for (mut column, point) in columns.column_iter_mut().zip(points.column_iter()) {
+            let mut squared_norm = 0.0;
+            for ((to, &x), &centre) in column.iter_mut().zip(point.iter()).zip(centre) {
+                *to = ((f64::from(x) - f64::from(centre)) * scale) as f32;
+                squared_norm += f64::from(*to) * f64::from(*to);
+            }
+            column[dim + 1] = (-0.5 * squared_norm) as f32;
         }
-        let squared_norms = columns
-            .column_iter()
-            .map(|x| x.iter().map(|&value| f64::from(value) * f64::from(value)).sum::<f64>() as f32)
-            .collect();
-        Self { columns, squared_norms }
+        let mut rows = columns.transpose();
+        rows.swap_columns(dim, dim + 1);
+        Self { columns, rows, scale }
     }
 
     /// How many there are.
     pub(super) fn len(&self) -> usize {
-        self.squared_norms.len()
+        self.columns.ncols()
     }
 
-    /// The centred points `[dim x n]`.
-    pub(super) fn columns(&self) -> &DMatrix<f32> {
-        &self.columns
+    /// Numbers of a point.
+    pub(super) fn dim(&self) -> usize {
+        self.columns.nrows() - 2
+    }
+
+    /// How far the points were stretched, along each axis.
+    pub(super) fn scale(&self) -> f64 {
+        self.scale
+    }
+
+    /// The centred and scaled points of a range `[dim x range]`.
+    pub(super) fn columns(&self, range: Range<usize>) -> DMatrixView<'_, f32> {
+        self.columns.view((0, range.start), (self.dim(), range.len()))
     }
 
     /// Point `i`, as numbers.
     fn point(&self, i: usize) -> &[f32] {
-        let dim = self.columns.nrows();
-        &self.columns.as_slice()[i * dim..(i + 1) * dim]
+        let (dim, height) = (self.dim(), self.columns.nrows());
+        &self.columns.as_slice()[i * height..i * height + dim]
+    }
+
+    /// `-|x|^2 / 2` of the points of a range.
+    fn norms(&self, range: Range<usize>) -> &[f32] {
+        let start = self.dim() * self.len();
+        &self.rows.as_slice()[start + range.start..start + range.end]
     }
 }
 
@@ -74,18 +106,26 @@ impl Block<'_> {
         let sums = &mut sums[self.columns.clone()];
         Arch::new().dispatch(
             #[inline(always)]
-            || sums.iter_mut().zip(self.values.column_iter()).for_each(|(sum, k)| *sum += lane_sum(k.as_slice())),
+            || sums.iter_mut().zip(self.values.column_iter()).for_each(|(sum, k)| *sum += column_sum(k.as_slice())),
         );
     }
 
     /// Adds to `sums` (one a point of the rows' set) each row's sum over the columns.
     pub(super) fn add_row_sums(&self, sums: &mut [f64]) {
         let sums = &mut sums[self.rows.clone()];
+        let mut partial = [0.0; BLOCK];
+        let partial = &mut partial[..self.rows.len()];
         Arch::new().dispatch(
             #[inline(always)]
             || {
-                for column in self.values.column_iter() {
-                    sums.iter_mut().zip(column.as_slice()).for_each(|(sum, &value)| *sum += f64::from(value));
+                let columns = self.values.ncols();
+                for first in (0..columns).step_by(GROUP) {
+                    partial.fill(0.0);
+                    for column in first..columns.min(first + GROUP) {
+                        let values = self.values.column(column).data.into_slice();
+                        partial.iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
+                    }
+                    sums.iter_mut().zip(&*partial).for_each(|(sum, &value)| *sum += f64::from(value));
                 }
             },
         );
@@ -93,11 +133,11 @@ impl Block<'_> {
 }
 
 /// Visits the kernel's values between every point of `rows` and every point of `columns`, in a fixed order.
-pub(super) fn between(kernel: Kernel, rows: &Points, columns: &Points, mut visit: impl FnMut(Block<'_>)) {
+pub(super) fn between(rows: &Points, columns: &Points, mut visit: impl FnMut(Block<'_>)) {
     let mut buffer = vec![0.0; BLOCK * BLOCK];
     for j in blocks(columns.len()) {
         for i in blocks(rows.len()) {
-            visit(block(kernel, rows, i, columns, j.clone(), &mut buffer));
+            visit(block(rows, i, columns, j.clone(), &mut buffer));
         }
     }
 }
@@ -106,14 +146,14 @@ pub(super) fn between(kernel: Kernel, rows: &Points, columns: &Points, mut visit
 ///
 /// A block off the diagonal comes once and stands for its transpose too. A block on the diagonal comes whole, with 0 for
 /// each point's value with itself: that value is 1 and has no gradient, and what it counts for is the estimator's affair.
-pub(super) fn within(kernel: Kernel, points: &Points, mut visit: impl FnMut(Block<'_>)) {
+pub(super) fn within(points: &Points, mut visit: impl FnMut(Block<'_>)) {
     let mut buffer = vec![0.0; BLOCK * BLOCK];
     for j in blocks(points.len()) {
         for i in blocks(j.start) {
-            visit(block(kernel, points, i, points, j.clone(), &mut buffer));
+            visit(block(points, i, points, j.clone(), &mut buffer));
         }
         let size = j.len();
-        block(kernel, points, j.clone(), points, j.clone(), &mut buffer);
+        block(points, j.clone(), points, j.clone(), &mut buffer);
         for own in buffer[..size * size].iter_mut().step_by(size + 1) {
             *own = 0.0;
         }
@@ -128,50 +168,36 @@ fn blocks(n: usize) -> impl Iterator<Item = Range<usize>> {
 }
 
 /// One block of kernel values, in `buffer`.
-fn block<'a>(
-    kernel: Kernel,
-    x: &Points,
-    rows: Range<usize>,
-    y: &Points,
-    columns: Range<usize>,
-    buffer: &'a mut [f32],
-) -> Block<'a> {
+fn block<'a>(x: &Points, rows: Range<usize>, y: &Points, columns: Range<usize>, buffer: &'a mut [f32]) -> Block<'a> {
     let (height, width) = (rows.len(), columns.len());
     let buffer = &mut buffer[..height * width];
-    product_tn(
-        x.columns.columns_range(rows.clone()),
+    product(
+        x.rows.rows_range(rows.clone()),
         y.columns.columns_range(columns.clone()),
         0.0,
         DMatrixViewMut::from_slice(buffer, height, width),
     );
-    let scale = kernel.scale as f32;
     Arch::new().dispatch(
         #[inline(always)]
         || {
-            for (j, values) in columns.clone().zip(buffer.chunks_exact_mut(height)) {
-                exponents(scale, x, rows.clone(), y, j, values);
+            for (j, exponents) in columns.clone().zip(buffer.chunks_exact_mut(height)) {
+                correct(x, rows.clone(), y, j, exponents);
             }
         },
     );
-    exp(buffer);
+    exp2_nonpositive(buffer);
     Block { rows, columns, values: DMatrixView::from_slice(buffer, height, width) }
 }
 
-/// Turns the cross products of some points of `x` with point `j` of `y` into exponents `-scale |x - y|^2`.
+/// Computes those of the exponents of some points of `x` with point `j` of `y` again that have lost digits.
 #[inline(always)]
-fn exponents(scale: f32, x: &Points, rows: Range<usize>, y: &Points, j: usize, values: &mut [f32]) {
-    let norm = y.squared_norms[j];
-    let norms = &x.squared_norms[rows.clone()];
-    let mut cancels = false;
-    for (value, &other) in values.iter_mut().zip(norms) {
-        let squared = other + norm - 2.0 * *value;
-        cancels |= squared < CLOSE * (other + norm);
-        *value = -scale * squared;
-    }
-    if cancels {
-        for (i, (value, &other)) in rows.zip(values.iter_mut().zip(norms)) {
-            if *value > -scale * CLOSE * (other + norm) {
-                *value = -scale * squared_distance(x.point(i), y.point(j));
+fn correct(x: &Points, rows: Range<usize>, y: &Points, j: usize, exponents: &mut [f32]) {
+    let (norms, norm) = (x.norms(rows.clone()), y.norms(j..j + 1)[0]);
+    let cancels = |exponent: f32, other: f32| exponent > CLOSE * (other + norm);
+    if exponents.iter().zip(norms).fold(false, |any, (&exponent, &other)| any | cancels(exponent, other)) {
+        for ((i, exponent), &other) in rows.zip(exponents).zip(norms) {
+            if cancels(*exponent, other) {
+                *exponent = -0.5 * squared_distance(x.point(i), y.point(j));
             }
         }
     }
@@ -182,17 +208,19 @@ pub(super) fn squared_distance(x: &[f32], y: &[f32]) -> f32 {
     x.iter().zip(y).map(|(a, b)| (a - b) * (a - b)).sum()
 }
 
-/// The sum, by eight running sums so that the additions do not wait for each other; always in the same order.
+/// The sum of one column of a block, always in the same order: each [`GROUP`]th value in f32, at most `BLOCK / GROUP` of
+/// them, and those sums in f64.
 #[inline(always)]
-fn lane_sum(values: &[f32]) -> f64 {
-    let (chunks, rest) = values.as_chunks::<8>();
-    let mut lanes = [0.0; 8];
-    for chunk in chunks {
-        for (lane, &value) in lanes.iter_mut().zip(chunk) {
-            *lane += f64::from(value);
-        }
+fn column_sum(values: &[f32]) -> f64 {
+    let (groups, rest) = values.as_chunks::<GROUP>();
+    let mut lanes = [0.0; GROUP];
+    for group in groups {
+        lanes.iter_mut().zip(group).for_each(|(lane, value)| *lane += value);
     }
-    lanes.iter().sum::<f64>() + rest.iter().map(|&value| f64::from(value)).sum::<f64>()
+    lanes.iter_mut().zip(rest).for_each(|(lane, value)| *lane += value);
+    let eight: [f64; 8] = array::from_fn(|i| f64::from(lanes[i]) + f64::from(lanes[i + 8]));
+    let four: [f64; 4] = array::from_fn(|i| eight[i] + eight[i + 4]);
+    (four[0] + four[2]) + (four[1] + four[3])
 }
 
 #[cfg(test)]
@@ -212,12 +240,12 @@ mod tests {
     #[test]
     fn values_agree_with_double_loops_across_blocks() {
         let kernel = Kernel { scale: 0.5 };
-        // 1 and 257: a whole block, and one more point; 3 points from the origin as the centre of none.
+        // 1 and 257: a whole block, and some more points; 3 points from the origin as the centre of none.
         for (n, spread) in [(1, 1.0), (257, 1.0), (300, 1e-3)] {
             let (a, b) = (cluster(11, n, spread), cluster(11, 270, 0.9 * spread));
-            let (x, y) = (Points::centred(&a, &DVector::zeros(11)), Points::centred(&b, &DVector::zeros(11)));
+            let (x, y) = (Points::new(&a, &DVector::zeros(11), kernel), Points::new(&b, &DVector::zeros(11), kernel));
             let mut seen = DMatrix::from_element(n, 270, f32::NAN);
-            between(kernel, &x, &y, |block| {
+            between(&x, &y, |block| {
                 let (rows, columns) = (block.rows, block.columns);
                 seen.view_mut((rows.start, columns.start), (rows.len(), columns.len())).copy_from(&block.values);
             });
@@ -231,9 +259,9 @@ mod tests {
 
     #[test]
     fn pairs_within_a_set_come_once_and_no_point_meets_itself() {
-        let points = Points::centred(&cluster(3, 600, 1.0), &DVector::zeros(3));
+        let points = Points::new(&cluster(3, 600, 1.0), &DVector::zeros(3), Kernel { scale: 0.5 });
         let mut times = DMatrix::<u8>::zeros(600, 600);
-        within(Kernel { scale: 0.5 }, &points, |block| {
+        within(&points, |block| {
             for (i, j) in block.rows.clone().flat_map(|i| block.columns.clone().map(move |j| (i, j))) {
                 times[(i, j)] += 1;
                 if block.rows != block.columns {
@@ -248,10 +276,11 @@ mod tests {
 
     #[test]
     fn a_point_that_is_not_a_number_is_not_hidden() {
-        let points = Points::centred(&DMatrix::from_element(2, 1, f32::NAN), &DVector::zeros(2));
-        let fine = Points::centred(&DMatrix::from_element(2, 9, 1.0), &DVector::zeros(2));
+        let kernel = Kernel { scale: 0.5 };
+        let points = Points::new(&DMatrix::from_element(2, 1, f32::NAN), &DVector::zeros(2), kernel);
+        let fine = Points::new(&DMatrix::from_element(2, 9, 1.0), &DVector::zeros(2), kernel);
         let mut sums = vec![0.0; 9];
-        between(Kernel { scale: 0.5 }, &points, &fine, |block| block.add_column_sums(&mut sums));
+        between(&points, &fine, |block| block.add_column_sums(&mut sums));
         assert!(sums.iter().all(|sum| sum.is_nan()));
     }
 }

@@ -54,7 +54,8 @@ fn equal_samples_have_no_distance() {
         shuffled.swap_columns(0, 299);
         shuffled.swap_columns(17, 260);
         let v = target(&y, 0.5, Estimator::V).mmd_squared(&shuffled);
-        assert!((0.0..1e-12).contains(&v), "{v}");
+        // 300^2 kernel values in another order, whose sums of 16 round by 1e-7 each, this way and that.
+        assert!((0.0..1e-9).contains(&v), "{v}");
         assert!(target(&y, 0.5, Estimator::U).mmd_squared(&shuffled) < 0.0);
     }
 }
