@@ -38,6 +38,9 @@ use crate::{
     solver::{LinearConstraint, Step, dual::DualSolution},
 };
 
+/// Raise it when what this file computes changes; whose runs that makes stale, [`revision`](super::revision) knows.
+pub const REVISION: u32 = 1;
+
 /// MCPO's hyperparameters; the defaults are the paper's Tables 1 and 2.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
