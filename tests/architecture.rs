@@ -258,7 +258,8 @@ fn a_part_of_an_algorithm_counts_what_it_uses_into_its_revision() {
     for source in sources().iter().filter(|source| source.module[0] == "algo" && source.module.len() == 2) {
         let own = source.module[1].as_str();
         let Some(part) = PARTS.iter().find(|part| part.name == own) else {
-            assert!(!source.code.contains("REVISION"), "{own} has a revision that counts nowhere");
+            let has_one = source.code.contains("pub const REVISION");
+            assert!(!has_one, "{own} has a revision that counts nowhere");
             continue;
         };
         let uses: BTreeSet<&str> = part.uses.iter().copied().collect();

@@ -147,7 +147,7 @@ fn what_is_recorded_can_be_shown_and_played() {
     for file in ["progress.parquet", "evaluations.parquet", "policy.safetensors", "run.json", "log.txt"] {
         let path = run.join(file);
         let (stdout, _) = bench.expect(0, &["show", path.to_str().expect("text")]);
-        for expected in [CAR, "fingerprint", "cpu class", "mujoco", "--only seed=1", "\"minibatch\": 64"] {
+        for expected in [CAR, "fingerprint", "cpu class", "\"ppo\":1", "--only seed=1", "\"minibatch\": 64"] {
             assert!(stdout.contains(expected), "{file}: no {expected} in\n{stdout}");
         }
     }

@@ -38,6 +38,9 @@ fn killed_at_any_instant_a_run_goes_on_to_the_same_values() {
     for pause in [0, 30, 55, 80, 105, 130, 155, 180, 210] {
         let child = bench.start(&ONE);
         let worker = bench.worker("disturbed", PENDULUM);
+        if killed > 2 {
+            bench.wait_for_checkpoint("disturbed", PENDULUM); // the first ones may come before there is any
+        }
         thread::sleep(Duration::from_millis(pause));
         if !signal("KILL", worker) {
             break; // it had finished
