@@ -70,7 +70,7 @@ fn with_later(mut spec: Value, later: &[(&str, &str)]) -> Value {
             None => (String::new(), *key),
         };
         let places = if place.is_empty() { vec![place] } else { vec![format!("/algorithm{place}"), place] };
-        let table = places.iter().find_map(|place| spec.pointer(place).is_some().then_some(place));
+        let table = places.iter().find(|place| spec.pointer(place).is_some());
         if let Some(Value::Object(table)) = table.and_then(|place| spec.pointer_mut(place)) {
             table.entry(name).or_insert_with(|| json(neutral));
         }
