@@ -12,6 +12,8 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use mcpo_run::algo::revision::PARTS;
+
 /// Each module with those that it may use.
 const MAY_USE: &[(&str, &[&str])] = &[
     ("rng", &[]),
@@ -241,4 +243,33 @@ fn every_form_of_a_path_is_read() {
     );
     assert_eq!(read(&["a"], "#[cfg(test)]\nmod tests;\nuse crate::nn;\n#[cfg(test)]\nuse crate::rng;"), ["nn", "rng"]);
     assert_eq!(code("mod a;\n#[cfg(test)]\npub(crate) mod b;").1, ["b"]);
+}
+
+/// What a part of `algo` takes from another without depending on its numbers.
+const TAKES: [(&str, &str); 3] = [
+    ("cloning", "critic"),        // puts rows side by side
+    ("discriminator", "mimicry"), // puts states and actions side by side
+    ("gail", "pofd"),             // the choice between two updates
+];
+
+#[test]
+fn a_part_of_an_algorithm_counts_what_it_uses_into_its_revision() {
+    let named: BTreeSet<&str> = PARTS.iter().map(|part| part.name).collect();
+    for source in sources().iter().filter(|source| source.module[0] == "algo" && source.module.len() == 2) {
+        let own = source.module[1].as_str();
+        let Some(part) = PARTS.iter().find(|part| part.name == own) else {
+            let has_one = source.code.contains("pub const REVISION");
+            assert!(!has_one, "{own} has a revision that counts nowhere");
+            continue;
+        };
+        let uses: BTreeSet<&str> = part.uses.iter().copied().collect();
+        let taken = TAKES.iter().filter(|(user, _)| *user == own).map(|(_, taken)| *taken);
+        let mut used: BTreeSet<String> = BTreeSet::new();
+        for (at, _) in source.code.match_indices("super::") {
+            let first = |path: String| path.split("::").next().unwrap_or_default().to_owned();
+            used.extend(paths(&source.code[at + "super::".len()..]).into_iter().map(first));
+        }
+        let found: BTreeSet<&str> = used.iter().map(String::as_str).filter(|name| named.contains(name)).collect();
+        assert_eq!(found, uses.iter().copied().chain(taken).collect(), "what {own} uses");
+    }
 }

@@ -83,7 +83,7 @@ fn checkpoint(path: &Path) {
 
 /// A checkpoint with this payload, whose digest is right.
 fn sealed(payload: &[u8]) -> Vec<u8> {
-    let head = format!("mcpo-run checkpoint 1\nf\n{}\n", blake3::hash(payload).to_hex());
+    let head = format!("mcpo-run checkpoint 2\nf\n{}\n", blake3::hash(payload).to_hex());
     [head.as_bytes(), payload].concat()
 }
 
@@ -216,7 +216,7 @@ proptest! {
     fn random_bytes_are_refused(kind in 0_usize..8, bytes in prop::collection::vec(any::<u8>(), 0..512)) {
         // Behind the beginnings by which formats are known, so that readers are reached.
         let beginnings: [&[u8]; 8] =
-            [b"", b"PAR1", b"BZh9", b"\x80\x02", b"PK\x03\x04", b"mcpo-run checkpoint 1\nf\n", b"\x40\0\0\0\0\0\0\0{", b"name = "];
+            [b"", b"PAR1", b"BZh9", b"\x80\x02", b"PK\x03\x04", b"mcpo-run checkpoint 2\nf\n", b"\x40\0\0\0\0\0\0\0{", b"name = "];
         let mut whole = beginnings[kind].to_vec();
         whole.extend(bytes);
         if kind == 1 {

@@ -62,6 +62,7 @@ fn record(spec: &RunSpec, results: &Path, end: Result<f64, &str>) {
                 d: spec.d(),
                 epsilon: spec.epsilon(),
                 seed: spec.seed.0,
+                axes: Default::default(),
             };
             let episode = |env_steps: u64, last: bool, episode: u64, dense_return: f64| EvaluationEpisode {
                 env_steps,

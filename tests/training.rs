@@ -11,7 +11,7 @@ use mcpo_run::{
     train::{self, Ending, EvaluationEpisode, Flow, Iteration, RunSink, SinkError},
 };
 
-/// Remembers what it is told; stops after `stop_after` iterations, keeping the checkpoint.
+/// Remembers what it is told, and the last checkpoint; stops after `stop_after` iterations.
 #[derive(Default)]
 struct Memory {
     stop_after: Option<u64>,
@@ -28,11 +28,8 @@ impl RunSink for Memory {
         row.update.seconds.clear();
         let stop = self.stop_after == Some(row.iteration);
         self.iterations.push(row);
-        if stop {
-            self.checkpoint = Some(checkpoint());
-            return Ok(Flow::Stop);
-        }
-        Ok(Flow::Continue)
+        self.checkpoint = Some(checkpoint());
+        Ok(if stop { Flow::Stop } else { Flow::Continue })
     }
 
     fn evaluation(&mut self, episodes: &[EvaluationEpisode]) -> Result<(), SinkError> {
@@ -106,6 +103,29 @@ fn every_algorithm_repeats_and_resumes_bit_for_bit() {
 }
 
 #[test]
+fn every_algorithm_goes_on_from_the_end_of_a_shorter_run_as_the_longer_one_bit_for_bit() {
+    // The shorter run ends where an evaluation under way is due in the longer one, and where none is.
+    for (every, budget) in [(1024, 2048), (2048, 3072)] {
+        for algorithm in Algorithm::names().filter(|name| !["bc", "random"].contains(name)) {
+            let long = run_spec(algorithm, "InvertedPendulum-v2", &format!("every = {every}\nepisodes = 1"));
+            let mut short = long.clone();
+            short.budget.env_steps = mcpo_run::quantity::constant(budget);
+            let (mut whole, mut extended) = (Memory::default(), Memory::default());
+            trained(&long, None, &mut whole);
+            trained(&short, None, &mut extended);
+            // What the longer run does not have: the shorter one's last evaluation and policy.
+            extended.evaluations.retain(|row| !row.last);
+            extended.policies.retain(|(_, last, _)| !last);
+            let checkpoint = extended.checkpoint.take().expect("it has iterations");
+            trained(&long, Some(&checkpoint), &mut extended);
+            assert_eq!(whole.iterations, extended.iterations, "{algorithm} goes on as another run");
+            assert_eq!(whole.evaluations, extended.evaluations, "{algorithm} is evaluated as another run");
+            assert_eq!(whole.policies, extended.policies, "{algorithm} goes on as another run");
+        }
+    }
+}
+
+#[test]
 fn a_resumed_mujoco_run_with_contacts_is_the_same_run() {
     let spec = run_spec("ppo", "Walker2d-v2", "");
     let mut whole = Memory::default();
@@ -149,6 +169,17 @@ fn evaluating_more_often_does_not_change_training() {
     trained(&often, None, &mut frequent);
     assert!(frequent.evaluations.len() > seldom.evaluations.len());
     assert_eq!(seldom.iterations, frequent.iterations);
+    assert_eq!(seldom.policies, frequent.policies);
+    let last = |memory: &Memory| memory.evaluations.iter().filter(|row| row.last).cloned().collect::<Vec<_>>();
+    assert_eq!(last(&seldom), last(&frequent), "the last evaluation depends on those before it");
+    // More episodes at the end: the same ones first.
+    let more = RunSpec {
+        evaluation: spec::Evaluation { final_episodes: mcpo_run::quantity::constant(5), ..rare.evaluation.clone() },
+        ..rare.clone()
+    };
+    let mut longer = Memory::default();
+    trained(&more, None, &mut longer);
+    assert_eq!((seldom.iterations, &last(&longer)[..3]), (longer.iterations.clone(), &last(&frequent)[..]));
 }
 
 #[test]

@@ -6,6 +6,9 @@
 use super::{Agent, AlgoError, Batch, OnPolicy, Update, discriminator::Discriminator};
 use crate::rng::Rng;
 
+/// Raise it when what this file computes changes; whose runs that makes stale, [`revision`](super::revision) knows.
+pub const REVISION: u32 = 1;
+
 /// An algorithm whose rewards are `task r - imitation log D(s, a)`.
 pub struct Adversarial {
     /// Which of the two the batch came from.

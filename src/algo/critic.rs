@@ -11,6 +11,9 @@ use crate::{
     solver::adam::Adam,
 };
 
+/// Raise it when what this file computes changes; whose runs that makes stale, [`revision`](super::revision) knows.
+pub const REVISION: u32 = 1;
+
 /// How a value network is fitted.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fit {

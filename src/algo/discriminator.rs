@@ -18,6 +18,9 @@ use crate::{
     solver::adam::Adam,
 };
 
+/// Raise it when what this file computes changes; whose runs that makes stale, [`revision`](super::revision) knows.
+pub const REVISION: u32 = 1;
+
 /// How the discriminator learns.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]

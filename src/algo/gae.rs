@@ -5,6 +5,9 @@ use nalgebra::DMatrix;
 use super::{Batch, SegmentEnd};
 use crate::nn::{Mlp, Pass};
 
+/// Raise it when what this file computes changes; whose runs that makes stale, [`revision`](super::revision) knows.
+pub const REVISION: u32 = 1;
+
 /// Advantages and the value network's targets, one a sample.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Advantages {

@@ -14,6 +14,9 @@ use super::{
 };
 use crate::{demo::Demonstration, env::EnvId, rng::Seed};
 
+/// Raise it when what this file computes changes; whose runs that makes stale, [`revision`](super::revision) knows.
+pub const REVISION: u32 = 1;
+
 /// GAIL's hyperparameters.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]

@@ -50,6 +50,9 @@ use crate::{
     },
 };
 
+/// Raise it when what this file computes changes; whose runs that makes stale, [`revision`](super::revision) knows.
+pub const REVISION: u32 = 1;
+
 /// The constraint is met where D exceeds the tolerance by less than this share of it: a correction ends near the bound, on
 /// either side.
 const D_MARGIN: f64 = 1e-3;

@@ -21,6 +21,7 @@ pub mod ppo;
 pub mod pretraining;
 #[cfg(test)]
 mod reference;
+pub mod revision;
 mod stopwatch;
 pub mod tolerance;
 pub mod trpo;
@@ -35,9 +36,6 @@ use crate::{
     nn::{GaussianPolicy, Mlp, Normalizer},
     rng::Rng,
 };
-
-/// Part of every run's fingerprint; raise it whenever an algorithm, a network or the training loop gives other numbers.
-pub const REVISION: u32 = 6;
 
 /// What learns: a policy, a value network, and the normaliser of both networks' inputs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -22,6 +22,9 @@ use crate::{
     rng::Seed,
 };
 
+/// Raise it when what this file computes changes; whose runs that makes stale, [`revision`](super::revision) knows.
+pub const REVISION: u32 = 1;
+
 /// POfD's hyperparameters.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]

@@ -26,6 +26,9 @@ use crate::{
     solver::{adam::Adam, dot},
 };
 
+/// Raise it when what this file computes changes; whose runs that makes stale, [`revision`](super::revision) knows.
+pub const REVISION: u32 = 1;
+
 /// PPO's hyperparameters; the defaults are the paper's Table 1 where it names one.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]

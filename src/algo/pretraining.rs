@@ -12,12 +12,15 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Agent, AlgoError, REVISION, cloning, ppo};
+use super::{Agent, AlgoError, cloning, ppo};
 use crate::{
     demo::Demonstration,
     env::EnvId,
     rng::{Seed, Stream},
 };
+
+/// Raise it when what this file computes changes; whose runs that makes stale, [`revision`](super::revision) knows.
+pub const REVISION: u32 = 1;
 
 /// Pre-training's hyperparameters.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -50,13 +53,13 @@ pub struct Pretraining<'a> {
 }
 
 impl Pretraining<'_> {
-    /// What names the agent that [`train`](Self::train) gives: a hash of all that it depends on, this program's
-    /// [`REVISION`] included. Only the class of the machine may still change last bits.
+    /// What names the agent that [`train`](Self::train) gives: a hash of all that it depends on, the
+    /// revision of cloning included. Only the class of the machine may still change last bits.
     pub fn key(&self) -> String {
         let Self { hyperparameters, agent, demonstration, seed } = self;
         let (observations, actions) = (&demonstration.observations, &demonstration.actions);
         let numbers = (observations.shape(), observations.as_slice(), actions.shape(), actions.as_slice());
-        blake3::hash(&super::to_bytes(&(REVISION, hyperparameters, agent, numbers, seed))).to_hex().to_string()
+        blake3::hash(&super::to_bytes(&(cloning::REVISION, hyperparameters, agent, numbers, seed))).to_hex().to_string()
     }
 
     /// The agent after behaviour cloning; what follows is PPO as it is.

@@ -18,6 +18,9 @@ use crate::{
     rng::Rng,
 };
 
+/// Raise it when what this file computes changes; whose runs that makes stale, [`revision`](super::revision) knows.
+pub const REVISION: u32 = 1;
+
 /// TRPO's hyperparameters; the defaults are MCPO's.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]

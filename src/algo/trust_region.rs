@@ -23,6 +23,9 @@ use crate::{
     },
 };
 
+/// Raise it when what this file computes changes; whose runs that makes stale, [`revision`](super::revision) knows.
+pub const REVISION: u32 = 1;
+
 /// The line search accepts a real KL up to this multiple of `max_kl`: the quadratic model, whose KL is `max_kl` itself, is
 /// off by some percent either way, and a strict bound would halve every other good step.
 pub const KL_MARGIN: f64 = 1.5;

@@ -5,7 +5,7 @@ use std::{path::Path, time::Duration};
 use anyhow::Context;
 
 use crate::{
-    record::{Stamp, compare::Exactness},
+    record::{Manifest, Stamp},
     schedule::{
         campaign::{self, Options, Summary},
         cost::CostModel,
@@ -44,8 +44,24 @@ pub fn compute(planned: &[Planned], results: &Path, jobs: Option<u16>, quiet: bo
     Ok(campaign::run(&due, results, options, &costs, &mut executor, &stop, &mut progress))
 }
 
-/// How equal to what `recorded` left this machine's numbers must be.
-pub fn exactness(recorded: &Stamp, now: &Stamp) -> Exactness {
-    let same = recorded.build.numeric_class() == now.build.numeric_class();
-    if same { Exactness::Bits } else { Exactness::FirstIteration }
+/// Why this program on this machine is not held to the bits of a record, as part of a sentence.
+pub enum Inexact {
+    /// Another class of machine computed it, or more than one.
+    Machine(String),
+    /// Other versions of the program or of MuJoCo computed it.
+    Versions(String),
+}
+
+/// Why the run that `recorded` tells of cannot be held to its bits `now`; `None` where it can.
+pub fn inexact(recorded: &Manifest, now: &Stamp) -> Option<Inexact> {
+    let (before, after) = (&recorded.stamp.build, &now.build);
+    if !recorded.is_of_one_class() {
+        return Some(Inexact::Machine("the record was made on more than one class of machine".to_owned()));
+    }
+    if before.machine() != after.machine() {
+        let (class, libm) = before.machine();
+        return Some(Inexact::Machine(format!("the record was made on {class}, libm {libm}")));
+    }
+    (before.versions != after.versions)
+        .then(|| Inexact::Versions(format!("the record was made by other versions: {}", before.versions)))
 }

@@ -6,7 +6,7 @@ use anyhow::Context;
 
 use super::print;
 use crate::{
-    plan::RunSpec,
+    plan,
     record::{RunPaths, policy},
     rng::{Seed, Stream},
     train::{build, evaluate},
@@ -30,7 +30,7 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<ExitCode> {
     let path = &arguments.run;
     let path = if path.is_dir() { RunPaths::policy(path) } else { path.clone() };
     let (agent, stamp) = policy::read(&path)?;
-    let spec: RunSpec = serde_json::from_value(stamp.spec)
+    let spec = plan::recorded(&stamp.spec)
         .with_context(|| format!("{} was written by another version of this program", path.display()))?;
     let mut tasks = build::tasks(&spec, spec.rollout.environments.size())?;
     let starts = (0..arguments.episodes).map(|index| Seed(arguments.seed).stream(Stream::Evaluation, index)).collect();

@@ -35,28 +35,26 @@ pub fn show(specs: &[ExperimentSpec], planned: &[Planned], explain: bool) -> any
     let states = planned.iter().map(Planned::state).collect::<Result<Vec<_>, _>>()?;
     let mut costs = CostModel::default();
     for (run, state) in planned.iter().zip(&states) {
-        if let RunState::Finished(manifest) = state {
+        if let RunState::Finished(manifest) | RunState::ToExtend { shorter: manifest, .. } = state {
             costs.learn(&run.spec, manifest);
         }
     }
     let mut table = table(&["run", "state", "steps", "time"]);
     let mut seconds_left = 0.0;
     for (run, state) in planned.iter().zip(&states) {
-        let (done, seconds) = (done(state), costs.seconds(&run.spec));
-        let budget = run.spec.budget.env_steps.get();
         let time = match state {
             RunState::Finished(manifest) => clock(manifest.seconds),
             _ => {
-                let left = seconds * (1.0 - done as f64 / budget as f64).clamp(0.0, 1.0);
+                let left = seconds_of(run, state, &costs);
                 seconds_left += left;
                 format!("about {}", clock(left))
             }
         };
-        let word = if explain { reason(state) } else { word(state).to_owned() };
+        let word = if explain { reason(run, state) } else { word(state).to_owned() };
         table.add_row([
             Cell::new(format!("{}/{}", run.spec.experiment, run.spec.id)),
             Cell::new(word),
-            Cell::new(thousands(budget as f64)).set_alignment(CellAlignment::Right),
+            Cell::new(thousands(run.spec.trained_steps() as f64)).set_alignment(CellAlignment::Right),
             Cell::new(time).set_alignment(CellAlignment::Right),
         ]);
     }
@@ -71,9 +69,10 @@ pub fn show(specs: &[ExperimentSpec], planned: &[Planned], explain: bool) -> any
         n => format!("; the blocks name {n} of their runs again, which are run once"),
     };
     print(&format!(
-        "{table}\n{} runs, {finished} finished, {left} to do: about {} in one process{repeated}\n",
+        "{table}\n{} runs, {finished} finished, {left} to do: about {} in one process{repeated}{}\n",
         planned.len(),
-        clock(seconds_left)
+        clock(seconds_left),
+        evaluated_otherwise(planned, &states),
     ))?;
     Ok(ExitCode::SUCCESS)
 }
@@ -85,13 +84,23 @@ pub(super) fn table(header: &[&str]) -> Table {
     table
 }
 
-/// The steps that are recorded.
-fn done(state: &RunState) -> u64 {
-    match state {
-        RunState::Interrupted { env_steps } => *env_steps,
-        RunState::Running(heartbeat) => heartbeat.as_ref().map_or(0, |heartbeat| heartbeat.env_steps),
-        RunState::Finished(manifest) => manifest.env_steps,
-        RunState::ToDo | RunState::Failed(_) | RunState::Differs { .. } | RunState::Unusable { .. } => 0,
+/// The expected seconds of the steps that a run in `state` has before it.
+pub(super) fn seconds_of(run: &Planned, state: &RunState, costs: &CostModel) -> f64 {
+    let seconds = costs.seconds(&run.spec);
+    match run.spec.trained_steps() {
+        0 => seconds,
+        steps => seconds * (1.0 - state.steps_done() as f64 / steps as f64).clamp(0.0, 1.0),
+    }
+}
+
+/// How many of the finished runs were evaluated otherwise than is asked for now, for the end of a sentence.
+pub(super) fn evaluated_otherwise(planned: &[Planned], states: &[RunState]) -> String {
+    let otherwise = planned.iter().zip(states).filter(|(run, state)| {
+        matches!(state, RunState::Finished(manifest) if !run.evaluated_otherwise(&manifest.stamp).is_empty())
+    });
+    match otherwise.count() {
+        0 => String::new(),
+        n => format!("; {n} finished under other settings of evaluation, and kept (plan --explain names them)"),
     }
 }
 
@@ -102,22 +111,39 @@ pub(super) fn word(state: &RunState) -> &'static str {
         RunState::Interrupted { .. } => "interrupted",
         RunState::Running(_) => "running",
         RunState::Finished(_) => "finished",
+        RunState::ToExtend { .. } => "to extend",
         RunState::Failed(_) => "failed",
         RunState::Differs { .. } => "differs",
+        RunState::Damaged { .. } => "damaged",
         RunState::Unusable { .. } => "unusable",
     }
 }
 
 /// Why the run will or will not be run.
-fn reason(state: &RunState) -> String {
+fn reason(run: &Planned, state: &RunState) -> String {
+    let steps = |steps: u64| thousands(steps as f64);
     match state {
         RunState::ToDo => "will run: nothing is recorded".to_owned(),
         RunState::Interrupted { env_steps } => {
-            format!("will run: goes on from the checkpoint after {} steps", thousands(*env_steps as f64))
+            format!("will run: goes on from the checkpoint after {} steps", steps(*env_steps))
         }
         RunState::Running(_) => "will not run here: another process works on it".to_owned(),
+        RunState::ToExtend { shorter, env_steps: Some(env_steps) } => {
+            let recorded = steps(shorter.env_steps);
+            format!("will run: recorded with {recorded} steps, and goes on from its state after {}", steps(*env_steps))
+        }
+        RunState::ToExtend { shorter, env_steps: None } => {
+            let recorded = steps(shorter.env_steps);
+            format!("will run from its start: recorded with {recorded} steps, whose last state is not kept")
+        }
         RunState::Finished(manifest) => {
-            format!("will not run: recorded with the same fingerprint {}", manifest.stamp.fingerprint)
+            let otherwise = match run.evaluated_otherwise(&manifest.stamp) {
+                keys if keys.is_empty() => String::new(),
+                keys => format!(", but its evaluations differ in {}", keys.join(", ")),
+            };
+            let classes = if manifest.is_of_one_class() { "" } else { "; not of one class of machine" };
+            let fingerprint = &manifest.stamp.fingerprint;
+            format!("will not run: recorded with the same fingerprint {fingerprint}{otherwise}{classes}")
         }
         RunState::Failed(manifest) => {
             format!("will run again: failed: {}", manifest.error().unwrap_or("it did not end"))
@@ -125,6 +151,8 @@ fn reason(state: &RunState) -> String {
         RunState::Differs { keys } => {
             format!("refused: what is recorded differs in {}; --fresh sets it aside", keys.join(", "))
         }
-        RunState::Unusable { reason } => format!("refused: {reason}; --fresh sets it aside"),
+        RunState::Unusable { reason } | RunState::Damaged { reason } => {
+            format!("refused: {reason}; --fresh sets it aside")
+        }
     }
 }

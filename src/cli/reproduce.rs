@@ -8,14 +8,14 @@ use std::{
 use anyhow::{Context, bail};
 
 use super::{
-    again::{NOT_REPRODUCED, compute, exactness},
+    again::{Inexact, NOT_REPRODUCED, compute, inexact},
     print,
     show::provenance,
 };
 use crate::{
-    plan::RunSpec,
+    plan,
     record::{
-        Outcome, RunPaths,
+        Manifest, Outcome, RunPaths,
         compare::{self, Difference, Exactness, TOLERANCE},
         rows,
     },
@@ -41,8 +41,11 @@ pub fn run(arguments: &ReproduceArguments) -> anyhow::Result<ExitCode> {
     {
         bail!("the run of {} did not finish: there is nothing to compare with", path.display());
     }
-    let spec: RunSpec = serde_json::from_value(stamp.spec.clone())
+    let mut spec = plan::recorded(&stamp.spec)
         .with_context(|| format!("{} was written by another version of this program", path.display()))?;
+    // A relative path starts where the run was planned; in a record without that folder, here.
+    let folder = stamp.origin.as_ref().and_then(|origin| origin.folder.as_deref()).filter(|folder| folder.is_dir());
+    spec.demonstration = spec.demonstration.map(|path| folder.map_or(path.clone(), |folder| folder.join(&path)));
     let results = tempfile::tempdir().context("cannot make a temporary folder")?;
     let planned = preflight::plan(vec![spec], results.path())?;
     let [run] = &planned[..] else { unreachable!("one specification is one run") };
@@ -55,21 +58,18 @@ pub fn run(arguments: &ReproduceArguments) -> anyhow::Result<ExitCode> {
     if summary.interrupted {
         return Ok(ExitCode::from(INTERRUPTED));
     }
-    let exactness = exactness(&stamp, &run.stamp);
+    let whole = manifest.unwrap_or_else(|| Manifest::new(stamp));
+    let (exactness, how) = match inexact(&whole, &run.stamp) {
+        None => (Exactness::Bits, "to the bit".to_owned()),
+        Some(Inexact::Machine(reason) | Inexact::Versions(reason)) => {
+            (Exactness::FirstIteration, format!("within {TOLERANCE} in the first iteration, since {reason}"))
+        }
+    };
     let difference = match summary.failed.first() {
         Some((_, error)) => Some(format!("failed: {error}")),
         None => compared(path, &run.paths.complete, exactness)?.map(|difference| difference.to_string()),
     };
     let (id, code) = (&run.spec.id, if difference.is_some() { NOT_REPRODUCED } else { 0 });
-    let how = match exactness {
-        Exactness::Bits => "to the bit".to_owned(),
-        Exactness::FirstIteration => {
-            format!(
-                "within {TOLERANCE} in the first iteration, since it was computed in another numeric class: {}, {}",
-                stamp.build.cpu_class, stamp.build.versions
-            )
-        }
-    };
     print(&match difference {
         Some(difference) => format!("{id}: {difference}\n{id}: not reproduced, {how}\n"),
         None => format!("{id}: reproduced, {how}\n"),

@@ -65,13 +65,13 @@ pub fn run(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
     let stop = StopRequest::on_signals().context("cannot listen for signals")?;
     let states = preflight::prepare(&planned, &selected.results, arguments.fresh)?;
     let mut costs = CostModel::default();
-    let mut due: Vec<Planned> = Vec::new();
-    for (run, state) in planned.iter().zip(states) {
-        match state {
-            RunState::Finished(manifest) => costs.learn(&run.spec, &manifest),
-            _ => due.push(run.clone()),
+    for (run, state) in planned.iter().zip(&states) {
+        if let RunState::Finished(manifest) | RunState::ToExtend { shorter: manifest, .. } = state {
+            costs.learn(&run.spec, manifest);
         }
     }
+    let pairs = || planned.iter().zip(&states).filter(|(_, state)| !matches!(state, RunState::Finished(_)));
+    let due: Vec<Planned> = pairs().map(|(run, _)| run.clone()).collect();
     let summary = if due.is_empty() {
         Summary::default()
     } else {
@@ -85,7 +85,7 @@ pub fn run(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
             hang_timeout: Duration::from_secs(arguments.hang_timeout),
             verbose: arguments.verbose,
         };
-        let seconds = due.iter().map(|run| costs.seconds(&run.spec)).sum();
+        let seconds = pairs().map(|(run, state)| plan::seconds_of(run, state, &costs)).sum();
         let mut progress = Progress::new(Style::choose(arguments.quiet), arguments.verbose, due.len(), seconds);
         progress.say(&greeting(&planned, &due, jobs, seconds, &selected.results));
         let mut executor = LocalProcesses::new().context("cannot find this program's own file")?;
@@ -113,7 +113,7 @@ fn greeting(planned: &[Planned], due: &[Planned], jobs: usize, seconds: f64, res
         due.iter().map(|run| of(&run.spec)).collect::<BTreeSet<_>>().into_iter().collect::<Vec<_>>().join(", ")
     };
     let experiments = names(|spec| spec.experiment.clone());
-    let steps: u64 = due.iter().map(|run| run.spec.budget.env_steps.get()).sum();
+    let steps: u64 = due.iter().map(|run| run.spec.trained_steps()).sum();
     let before = planned.len() - due.len();
     let before = if before > 0 { format!(", {before} finished before") } else { String::new() };
     format!(

@@ -89,7 +89,12 @@ fn render(path: &Path, stamp: &Stamp, manifest: Option<&Manifest>) -> anyhow::Re
             let ended = attempt.ended.as_deref().unwrap_or("no end");
             let error = attempt.error.as_ref().map_or_else(String::new, |error| format!(": {error}"));
             let from = attempt.from_env_steps;
-            rows.push(("attempt", format!("{} to {ended} from step {from} on {}{error}", attempt.began, attempt.host)));
+            let class = if attempt.cpu_class.is_empty() { String::new() } else { format!(" ({})", attempt.cpu_class) };
+            let host = &attempt.host;
+            rows.push(("attempt", format!("{} to {ended} from step {from} on {host}{class}{error}", attempt.began)));
+        }
+        if !manifest.is_of_one_class() {
+            rows.push(("machines", "not of one class: no machine repeats its bits".to_owned()));
         }
     }
     let build = &stamp.build;

@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, process::ExitCode};
 use comfy_table::Cell;
 
 use super::{
-    plan::{table, word},
+    plan::{evaluated_otherwise, seconds_of, table, word},
     print,
     selected::Selected,
 };
@@ -29,7 +29,7 @@ fn render(planned: &[Planned], states: &[RunState]) -> String {
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     for (run, state) in planned.iter().zip(states) {
         *counts.entry(word(state)).or_default() += 1;
-        if let RunState::Finished(manifest) = state {
+        if let RunState::Finished(manifest) | RunState::ToExtend { shorter: manifest, .. } = state {
             costs.learn(&run.spec, manifest);
         }
     }
@@ -37,20 +37,18 @@ fn render(planned: &[Planned], states: &[RunState]) -> String {
     // Work that is left, in expected seconds, and how many of those the running processes do in a second.
     let (mut left, mut rate, mut running) = (0.0, 0.0, 0);
     for (run, state) in planned.iter().zip(states) {
-        let budget = run.spec.budget.env_steps.get();
-        let share = |env_steps: u64| 1.0 - (env_steps as f64 / budget as f64).min(1.0);
-        let seconds = costs.seconds(&run.spec);
+        let steps = run.spec.trained_steps();
+        if !matches!(state, RunState::Finished(_) | RunState::Differs { .. }) {
+            left += seconds_of(run, state, &costs);
+        }
         let detail = match state {
-            RunState::Finished(_) => continue,
-            RunState::ToDo => {
-                left += seconds;
-                continue;
-            }
+            RunState::Finished(_) | RunState::ToDo => continue,
             RunState::Running(heartbeat) => {
                 running += 1;
-                rate +=
-                    heartbeat.as_ref().map_or(1.0, |heartbeat| heartbeat.steps_per_second * seconds / budget as f64);
-                left += seconds * share(heartbeat.as_ref().map_or(0, |heartbeat| heartbeat.env_steps));
+                let seconds = costs.seconds(&run.spec);
+                rate += heartbeat
+                    .as_ref()
+                    .map_or(1.0, |heartbeat| heartbeat.steps_per_second * seconds / steps.max(1) as f64);
                 heartbeat.as_ref().map_or_else(
                     || "no iteration yet".to_owned(),
                     |heartbeat| {
@@ -59,7 +57,7 @@ fn render(planned: &[Planned], states: &[RunState]) -> String {
                         format!(
                             "{} of {} steps, {} steps/s{mean} (at {})",
                             thousands(heartbeat.env_steps as f64),
-                            thousands(budget as f64),
+                            thousands(steps as f64),
                             thousands(heartbeat.steps_per_second),
                             heartbeat.written,
                         )
@@ -67,15 +65,21 @@ fn render(planned: &[Planned], states: &[RunState]) -> String {
                 )
             }
             RunState::Interrupted { env_steps } => {
-                left += seconds * share(*env_steps);
-                format!("{} of {} steps", thousands(*env_steps as f64), thousands(budget as f64))
+                format!("{} of {} steps", thousands(*env_steps as f64), thousands(steps as f64))
             }
-            RunState::Failed(manifest) => {
-                left += seconds;
-                manifest.error().unwrap_or("it did not end").to_owned()
+            RunState::ToExtend { env_steps: Some(env_steps), .. } => {
+                format!("from {} to {} steps", thousands(*env_steps as f64), thousands(steps as f64))
             }
+            RunState::ToExtend { shorter, env_steps: None } => {
+                let recorded = thousands(shorter.env_steps as f64);
+                format!(
+                    "from its start to {} steps: the last state of its {recorded} is not kept",
+                    thousands(steps as f64)
+                )
+            }
+            RunState::Failed(manifest) => manifest.error().unwrap_or("it did not end").to_owned(),
             RunState::Differs { keys } => format!("in {}", keys.join(", ")),
-            RunState::Unusable { reason } => reason.clone(),
+            RunState::Unusable { reason } | RunState::Damaged { reason } => reason.clone(),
         };
         let name = format!("{}/{}", run.spec.experiment, run.spec.id);
         lines.add_row([Cell::new(name), Cell::new(word(state)), Cell::new(detail)]);
@@ -87,6 +91,7 @@ fn render(planned: &[Planned], states: &[RunState]) -> String {
         _ if rate == 0.0 => "; time left not yet known".to_owned(),
         n => format!("; about {} left at {n} at a time", clock(left / rate)),
     };
-    let whole = format!("{} runs: {}{time}\n", planned.len(), counts.join(", "));
+    let otherwise = evaluated_otherwise(planned, states);
+    let whole = format!("{} runs: {}{time}{otherwise}\n", planned.len(), counts.join(", "));
     if lines.row_count() == 0 { whole } else { format!("{lines}\n{whole}") }
 }

@@ -10,7 +10,7 @@ use std::{
 use anyhow::{Context, bail};
 
 use super::{
-    again::{NOT_REPRODUCED, compute, exactness},
+    again::{Inexact, NOT_REPRODUCED, compute, inexact},
     print,
     selected::Selected,
     told,
@@ -43,6 +43,10 @@ pub struct VerifyArguments {
     /// Make DIR, which may not be there yet, the record: rows and manifests without hosts, command lines, logs or policies
     #[arg(long)]
     record: bool,
+    /// Insist on the same bits where the record was made on this class of machine: one that other versions of the program or of
+    /// MuJoCo made is then a difference
+    #[arg(long, conflicts_with = "record")]
+    exact: bool,
     /// Show failures alone
     #[arg(long, short)]
     quiet: bool,
@@ -80,7 +84,7 @@ pub fn run(arguments: &VerifyArguments) -> anyhow::Result<ExitCode> {
     let mut lines = Vec::new();
     let mut elsewhere = BTreeSet::new();
     for run in &planned {
-        match difference(run, &against.join("runs").join(&run.spec.id), &mut elsewhere) {
+        match difference(run, &against.join("runs").join(&run.spec.id), arguments.exact, &mut elsewhere) {
             Ok(None) => {}
             Ok(Some(difference)) => lines.push(format!("{}: {difference}\n", run.spec.id)),
             Err(error) => lines.push(format!("{}: {}\n", run.spec.id, told(&error))),
@@ -98,7 +102,7 @@ pub fn run(arguments: &VerifyArguments) -> anyhow::Result<ExitCode> {
     }
     let how = match elsewhere.first() {
         None => "to the bit".to_owned(),
-        Some(class) => format!("within {TOLERANCE} in the first iteration, since the record was made on {class}"),
+        Some(reason) => format!("within {TOLERANCE} in the first iteration, since {reason}"),
     };
     let name = &specs[0].name;
     let all = planned.len();
@@ -107,11 +111,16 @@ pub fn run(arguments: &VerifyArguments) -> anyhow::Result<ExitCode> {
     Ok(if lines.len() == 1 { ExitCode::SUCCESS } else { ExitCode::from(NOT_REPRODUCED) })
 }
 
-/// In what `run` differs from what the folder `recorded` holds of it. Classes of machines other than this one are added to
-/// `elsewhere`.
+/// In what `run` differs from what the folder `recorded` holds of it. Why the bits of a run cannot be compared is added to
+/// `elsewhere`; where they must be, that it was made by other versions is a difference.
 ///
 /// Errors: a file of either is missing or damaged.
-fn difference(run: &Planned, recorded: &Path, elsewhere: &mut BTreeSet<String>) -> anyhow::Result<Option<String>> {
+fn difference(
+    run: &Planned,
+    recorded: &Path,
+    exact: bool,
+    elsewhere: &mut BTreeSet<String>,
+) -> anyhow::Result<Option<String>> {
     let Some(before) = Manifest::read(&RunPaths::manifest(recorded))? else {
         return Ok(Some("nothing is recorded of it".to_owned()));
     };
@@ -128,11 +137,14 @@ fn difference(run: &Planned, recorded: &Path, elsewhere: &mut BTreeSet<String>) 
         }
         (before, now) => return Ok(Some(format!("recorded as {before:?}, now {now:?}"))),
     }
-    let exactness = exactness(&before.stamp, &now.stamp);
-    if exactness == Exactness::FirstIteration {
-        let (class, libm, versions) = before.stamp.build.numeric_class();
-        elsewhere.insert(format!("{class}, libm {libm}, {versions}"));
-    }
+    let exactness = match inexact(&before, &now.stamp) {
+        None => Exactness::Bits,
+        Some(Inexact::Versions(reason)) if exact => return Ok(Some(format!("{reason}: it is to be made anew"))),
+        Some(Inexact::Versions(reason) | Inexact::Machine(reason)) => {
+            elsewhere.insert(reason);
+            Exactness::FirstIteration
+        }
+    };
     Ok(compare::runs(recorded, &run.paths.complete, exactness)?.map(|difference| difference.to_string()))
 }
 
@@ -157,6 +169,9 @@ fn record(planned: &[Planned], against: &Path) -> anyhow::Result<ExitCode> {
     for run in planned {
         let manifest = run.paths.ended()?.filter(|manifest| manifest.outcome == Outcome::Finished);
         let manifest = manifest.with_context(|| format!("{} did not finish; nothing is recorded", run.spec.id))?;
+        if !manifest.is_of_one_class() {
+            bail!("{} was computed on more than one class of machine: nobody could repeat its bits", run.spec.id);
+        }
         let folder = against.join("runs").join(&run.spec.id);
         fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
         for file in [RunPaths::progress, RunPaths::evaluations] {

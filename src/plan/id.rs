@@ -1,6 +1,9 @@
 //! The names of runs: readable, and safe as the names of folders.
 
-use std::{collections::BTreeMap, path::Path};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    path::{Component, Path, PathBuf},
+};
 
 use toml::Value;
 
@@ -12,7 +15,7 @@ pub(super) fn folder(algorithm: &str, axes: &BTreeMap<String, Value>) -> String 
     let prefix = format!("{algorithm}.");
     let axes = axes
         .iter()
-        .map(|(key, value)| format!("-{}={}", key.strip_prefix(&prefix).unwrap_or(key), safe(&short(key, value))));
+        .map(|(key, value)| format!("-{}={}", key.strip_prefix(&prefix).unwrap_or(key), safe(&short(value))));
     let name: String = std::iter::once(algorithm.to_owned()).chain(axes).collect();
     if name.len() <= LONGEST {
         return name;
@@ -21,29 +24,45 @@ pub(super) fn folder(algorithm: &str, axes: &BTreeMap<String, Value>) -> String 
     format!("{}-{}", &name[..LONGEST - 17], &digest[..16])
 }
 
-/// The value of the axis `key` in few characters: `0.001`, `1e-6`, `0` for `0.0`, `300x400`, `sparse2-15`.
-pub(super) fn short(key: &str, value: &Value) -> String {
+/// A value in few characters: `0.001`, `1e-6`, `0` for `0.0`, `300x400`, `sparse2-15`.
+pub(super) fn short(value: &Value) -> String {
     match value {
         Value::Float(number) if number.fract() == 0.0 && number.abs() < 1e15 => format!("{number:.0}"),
         Value::Float(number) => format!("{number:?}"),
-        Value::String(path) if key == "demonstrations" => {
-            Path::new(path).file_stem().map_or_else(|| path.clone(), |stem| stem.to_string_lossy().into_owned())
-        }
         Value::String(text) => text.clone(),
-        Value::Array(values) => values.iter().map(|value| short(key, value)).collect::<Vec<_>>().join("x"),
+        Value::Array(values) => values.iter().map(short).collect::<Vec<_>>().join("x"),
         Value::Table(table) => {
             let parts = table.iter().map(|(name, value)| match value {
                 // The one field of a choice needs no name.
                 Value::Table(fields) => {
-                    let fields = fields.values().map(|value| short(key, value)).collect::<Vec<_>>();
+                    let fields = fields.values().map(short).collect::<Vec<_>>();
                     format!("{name}-{}", fields.join("-"))
                 }
-                _ => format!("{name}-{}", short(key, value)),
+                _ => format!("{name}-{}", short(value)),
             });
             parts.collect::<Vec<_>>().join("-")
         }
         other => other.to_string(),
     }
+}
+
+/// What to call the file `path` among `all`: its name without the ending, and as much of its folders as tells it apart from the
+/// others; `good/Hopper-v2` beside `poor/Hopper-v2`.
+pub(super) fn among(path: &Path, all: &BTreeSet<PathBuf>) -> String {
+    let parts = |path: &Path| -> Vec<String> {
+        let stem = path.with_extension("");
+        stem.components()
+            .filter(|part| matches!(part, Component::Normal(_) | Component::ParentDir))
+            .map(|part| part.as_os_str().to_string_lossy().into_owned())
+            .collect()
+    };
+    let own = parts(path);
+    let others: Vec<Vec<String>> = all.iter().filter(|other| *other != path).map(|other| parts(other)).collect();
+    let enough = (1..own.len()).find(|&n| {
+        let end = &own[own.len() - n..];
+        !others.iter().any(|other| other.ends_with(end))
+    });
+    own[own.len() - enough.unwrap_or(own.len())..].join("/")
 }
 
 /// `text` with every character that could mean something to a file system replaced.
@@ -75,6 +94,18 @@ mod tests {
         let reward: toml::Table =
             toml::from_str("r = { sparse2 = { distance = 15.0, mode = 'beyond' } }").expect("TOML");
         assert_eq!(name(&[("reward", reward["r"].clone())]), "mcpo-reward=sparse2-15-beyond");
+    }
+
+    #[test]
+    fn files_are_called_by_what_tells_them_apart() {
+        let called = |paths: &[&str]| {
+            let all: BTreeSet<PathBuf> = paths.iter().map(PathBuf::from).collect();
+            paths.iter().map(|path| among(Path::new(path), &all)).collect::<Vec<_>>()
+        };
+        assert_eq!(called(&["x/good/Ant-v2.parquet", "x/poor/Ant-v2.parquet"]), ["good/Ant-v2", "poor/Ant-v2"]);
+        assert_eq!(called(&["x/a.parquet", "x/b.parquet"]), ["a", "b"]);
+        assert_eq!(called(&["a.parquet"]), ["a"]);
+        assert_eq!(called(&["a.parquet", "x/a.parquet", "y/x/a.parquet"]), ["a", "x/a", "y/x/a"]);
     }
 
     #[test]

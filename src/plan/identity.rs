@@ -2,43 +2,67 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use serde_json::Value;
-
-use super::RunSpec;
+use super::{
+    RunSpec,
+    canonical::{all, canonical},
+};
 use crate::{
     env::Reward,
     spec::{Algorithm, Parameter, Settings},
 };
 
-/// The versions that matter for a run's numbers.
+/// The version of the canonical text; another one voids every recorded run.
+const FORM: u32 = 1;
+
+/// The versions that matter for a run's numbers: of what it uses alone, so that a change elsewhere leaves it valid.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Versions {
-    /// Raised whenever an algorithm's numbers change.
-    pub algorithm_revision: u32,
-    /// The version of MuJoCo.
-    pub mujoco: String,
-    /// A digest of the models.
-    pub models: String,
+    /// The revisions of the parts of its algorithm, by their names.
+    pub revisions: BTreeMap<String, u32>,
+    /// The revision of its environment.
+    pub env: u32,
+    /// The version of MuJoCo; absent where the environment does without.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub mujoco: Option<String>,
+    /// A digest of the environment's model; absent likewise.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub model: Option<String>,
 }
 
-/// Keys of a run that decide no number: names, paths, and how often it saves what it could resume from.
-const NAMES: [&str; 4] = ["experiment", "id", "axes", "demonstration"];
-const SAVING: &str = "checkpoint.every_seconds";
-
 impl RunSpec {
-    /// What identifies this run's numbers: the first 16 hexadecimal digits of the BLAKE3 digest of its resolved
-    /// specification, its demonstration's content digest, and `versions`. Names, paths and `checkpoint.every_seconds` do
-    /// not count.
+    /// What identifies this run's numbers: the first 16 hexadecimal digits of the BLAKE3 digest of its canonical form with its
+    /// demonstration's content digest and `versions`. Names, paths, the budget, `evaluation.*` and `checkpoint.*` do not
+    /// count: whatever they are, training takes the same steps.
     pub fn fingerprint(&self, demonstration_digest: Option<&str>, versions: &Versions) -> String {
-        let whole = (self.leaves(), demonstration_digest, versions);
-        let text = serde_json::to_string(&whole).expect("a run is numbers, names and lists");
-        blake3::hash(text.as_bytes()).to_hex()[..16].to_owned()
+        blake3::hash(self.canonical_text(demonstration_digest, versions).as_bytes()).to_hex()[..16].to_owned()
     }
 
-    /// The same but for the demonstration, whose path stands for it: runs of one experiment with one identity are one.
+    fn canonical_text(&self, demonstration_digest: Option<&str>, versions: &Versions) -> String {
+        let mut lines = canonical(self);
+        let mut add = |key: &str, value: Option<String>| lines.extend(value.map(|value| (key.to_owned(), value)));
+        add("form", Some(FORM.to_string()));
+        add("demonstration", demonstration_digest.map(str::to_owned));
+        add("env.revision", Some(versions.env.to_string()));
+        add("mujoco", versions.mujoco.clone());
+        add("model", versions.model.clone());
+        for (part, revision) in &versions.revisions {
+            add(&format!("revision.{part}"), Some(revision.to_string()));
+        }
+        lines.iter().map(|(key, value)| format!("{key} = {value}\n")).collect()
+    }
+
+    /// Everything that is set, as one text: runs of one experiment with one identity are one. How often a run saves what it
+    /// could go on from makes no other run.
     pub(super) fn identity(&self) -> String {
-        let whole = (self.leaves(), &self.demonstration);
-        serde_json::to_string(&whole).expect("a run is numbers, names and lists")
+        let mut lines = all(self);
+        lines.remove("checkpoint.every_seconds");
+        format!("{lines:?} {:?}", self.demonstration)
+    }
+
+    /// The steps that training takes: the budget, rounded up to whole rollouts; 0 for an algorithm that takes none.
+    pub fn trained_steps(&self) -> u64 {
+        let steps = self.rollout.steps.get();
+        if self.algorithm.trains() { self.budget.env_steps.get().div_ceil(steps).saturating_mul(steps) } else { 0 }
     }
 
     /// The settings and hyperparameters that are not the defaults of its environment and algorithm: `mcpo.mmd.bandwidth`,
@@ -50,57 +74,55 @@ impl RunSpec {
         let reward = if algorithm.trains_on_dense_reward() { Reward::Dense } else { defaults.reward };
         let Settings { max_steps, rollout, network, .. } = defaults;
         let default = Self { reward, max_steps: max_steps.get(), rollout, network, algorithm, ..self.clone() };
-        let (own, default) = (self.leaves(), default.leaves());
+        let (own, default) = (all(self), all(&default));
         differing(&own, &default).map(parameter).collect()
     }
-
-    /// Everything that decides numbers, by dotted keys in their order.
-    fn leaves(&self) -> BTreeMap<String, Value> {
-        let whole = serde_json::to_value(self).expect("a run is numbers, names and lists");
-        let mut leaves = BTreeMap::new();
-        flatten(String::new(), whole, &mut leaves);
-        leaves.retain(|key, _| {
-            let first = key.split('.').next().unwrap_or(key);
-            !NAMES.contains(&first) && key != SAVING
-        });
-        leaves
-    }
 }
 
-fn flatten(key: String, value: Value, leaves: &mut BTreeMap<String, Value>) {
-    match value {
-        Value::Object(fields) => {
-            for (name, value) in fields {
-                flatten(if key.is_empty() { name } else { format!("{key}.{name}") }, value, leaves);
-            }
-        }
-        leaf => {
-            leaves.insert(key, leaf);
-        }
-    }
-}
-
-/// What decides numbers and differs between `recorded` and `wanted`: dotted keys with both values, as in
-/// `algorithm.mcpo.d: 0.001 -> 0.01`; empty when nothing does.
+/// What decides training and differs between `recorded` and `wanted`: keys with both values, as in `mcpo.d: 0.001 -> 0.01`;
+/// empty when nothing does.
 pub fn differences(recorded: &RunSpec, wanted: &RunSpec) -> Vec<String> {
-    let (before, after) = (recorded.leaves(), wanted.leaves());
-    let show = |value: Option<&Value>| value.map_or_else(|| "absent".into(), Value::to_string);
-    let told = |key| format!("{key}: {} -> {}", show(before.get(key)), show(after.get(key)));
-    differing(&before, &after).map(told).collect()
+    told(&canonical(recorded), &canonical(wanted))
+}
+
+/// In what `wanted` is evaluated otherwise than `recorded` was, in the same words.
+pub fn evaluated_otherwise(recorded: &RunSpec, wanted: &RunSpec) -> Vec<String> {
+    let evaluation = |run| {
+        let mut lines = all(run);
+        lines.retain(|key, _| key.starts_with("evaluation."));
+        lines
+    };
+    told(&evaluation(recorded), &evaluation(wanted))
+}
+
+/// Whatever is set otherwise in `wanted` than in `recorded`, in the same words.
+pub(super) fn all_differences(recorded: &RunSpec, wanted: &RunSpec) -> Vec<String> {
+    let mut lines = [all(recorded), all(wanted)];
+    for (lines, run) in lines.iter_mut().zip([recorded, wanted]) {
+        lines.extend(run.demonstration.as_ref().map(|path| ("demonstrations".to_owned(), path.display().to_string())));
+    }
+    told(&lines[0], &lines[1])
+}
+
+fn told(before: &BTreeMap<String, String>, after: &BTreeMap<String, String>) -> Vec<String> {
+    let show = |value: Option<&String>| value.map_or("absent", String::as_str).to_owned();
+    differing(before, after)
+        .map(|key| format!("{key}: {} -> {}", show(before.get(key)), show(after.get(key))))
+        .collect()
 }
 
 /// The keys whose values differ.
 fn differing<'a>(
-    before: &'a BTreeMap<String, Value>,
-    after: &'a BTreeMap<String, Value>,
+    before: &'a BTreeMap<String, String>,
+    after: &'a BTreeMap<String, String>,
 ) -> impl Iterator<Item = &'a str> {
     let keys: BTreeSet<&String> = before.keys().chain(after.keys()).collect();
     keys.into_iter().filter(|key| before.get(*key) != after.get(*key)).map(String::as_str)
 }
 
-/// The parameter that the leaf `key` belongs to: `mcpo.mmd.bandwidth` of `algorithm.mcpo.mmd.bandwidth.fixed`.
+/// The parameter that the line `key` belongs to: `mcpo.mmd.bandwidth` of `mcpo.mmd.bandwidth.fixed`.
 fn parameter(key: &str) -> String {
-    let mut name = key.strip_prefix("algorithm.").unwrap_or(key);
+    let mut name = key;
     while let (None, Some((outer, _))) = (Parameter::find(name), name.rsplit_once('.')) {
         name = outer;
     }
@@ -109,7 +131,10 @@ fn parameter(key: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{super::tests::planned, *};
+    use super::{
+        super::{canonical::recorded, tests::planned},
+        *,
+    };
     use crate::{env::EnvId, quantity::constant};
 
     fn run() -> RunSpec {
@@ -117,42 +142,126 @@ mod tests {
     }
 
     fn versions() -> Versions {
-        Versions { algorithm_revision: 1, mujoco: "3.17.0".into(), models: "abc".into() }
+        Versions {
+            revisions: BTreeMap::from([("mcpo".to_owned(), 1)]),
+            env: 1,
+            mujoco: Some("3.17.0".into()),
+            model: Some("abc".into()),
+        }
+    }
+
+    /// The ten and more runs whose fingerprints are pinned, as an older program's `run.json` holds them: all algorithms, all
+    /// environments. Never made anew: what changes one of these lines voids every recorded run.
+    const PINNED: &str = include_str!("pinned.json");
+
+    #[derive(serde::Deserialize)]
+    struct Pinned {
+        fingerprint: String,
+        spec: serde_json::Value,
     }
 
     #[test]
-    fn whatever_decides_numbers_changes_the_fingerprint() {
+    fn fingerprints_are_for_ever() {
+        let pinned: Vec<Pinned> = serde_json::from_str(PINNED).expect("JSON");
+        let mut algorithms = BTreeSet::new();
+        let mut envs = BTreeSet::new();
+        for Pinned { fingerprint, spec } in &pinned {
+            let run = recorded(spec).expect("an older program's run can be read");
+            assert_eq!(run.fingerprint(Some("x"), &versions()), *fingerprint, "{}", run.id);
+            algorithms.insert(run.algorithm_name());
+            envs.insert(run.env);
+        }
+        assert_eq!((algorithms.len(), envs.len()), (Algorithm::names().count(), EnvId::ALL.len()));
+    }
+
+    #[test]
+    fn the_canonical_text_is_what_a_reader_expects() {
+        let run = planned(
+            "[[matrix]]\nseed = [7]\nenv = ['Hopper-v2']\nalgorithm = ['bc']\nreward = [{ sparse2 = { distance = 1.0 } }]\n",
+        )
+        .remove(0);
+        let text = run.canonical_text(Some("d1g357"), &versions());
+        let expected = r#"algorithm = "bc"
+bc.epochs = 50
+bc.learning_rate = 0.0001
+bc.loss = "mse"
+bc.minibatch = 64
+demonstration = d1g357
+env = "Hopper-v2"
+env.revision = 1
+form = 1
+max_steps = 1000
+model = abc
+mujoco = 3.17.0
+network.hidden = [300, 400]
+network.initial_std = 0.5
+network.observation_clip = 10
+revision.mcpo = 1
+reward.sparse2.distance = 1
+reward.sparse2.mode = "beyond"
+rollout.environments = 8
+rollout.steps = 4096
+seed = 7
+"#;
+        assert_eq!(text, expected);
+    }
+
+    #[test]
+    fn whatever_decides_training_changes_the_fingerprint() {
         let run = run();
         let print = run.fingerprint(Some("x"), &versions());
         assert_eq!((print.len(), &print), (16, &run.fingerprint(Some("x"), &versions())));
         let seed = RunSpec { seed: crate::rng::Seed(8), ..run.clone() };
         let reward = RunSpec { reward: crate::env::Reward::Dense, ..run.clone() };
-        let mut kept = run.clone();
-        kept.checkpoint.keep_policy_every = Some(constant(10_000));
-        for other in [seed, reward, kept] {
+        let random = planned("[[matrix]]\nseed = [7]\nenv = ['HalfCheetah-v2']\nalgorithm = ['random']\n").remove(0);
+        for other in [seed, reward, random] {
             assert_ne!(other.fingerprint(Some("x"), &versions()), print, "{:?}", differences(&run, &other));
         }
         assert_ne!(run.fingerprint(Some("y"), &versions()), print);
         assert_ne!(run.fingerprint(None, &versions()), print);
-        let other = Versions { algorithm_revision: 2, ..versions() };
-        assert_ne!(run.fingerprint(Some("x"), &other), print);
-        let other = Versions { mujoco: "4.0.0".into(), ..versions() };
-        assert_ne!(run.fingerprint(Some("x"), &other), print);
+        for other in [
+            Versions { revisions: BTreeMap::from([("mcpo".to_owned(), 2)]), ..versions() },
+            Versions { env: 2, ..versions() },
+            Versions { mujoco: Some("4.0.0".into()), ..versions() },
+            Versions { model: None, ..versions() },
+        ] {
+            assert_ne!(run.fingerprint(Some("x"), &other), print);
+        }
     }
 
     #[test]
-    fn names_and_paths_do_not() {
+    fn what_cannot_change_training_does_not() {
         let run = run();
-        let mut moved = RunSpec {
+        let mut other = RunSpec {
             experiment: "other".into(),
             id: "elsewhere".into(),
             axes: BTreeMap::new(),
             demonstration: Some("elsewhere.parquet".into()),
             ..run.clone()
         };
-        moved.checkpoint.every_seconds = constant(1.0);
-        assert_eq!(moved.fingerprint(Some("x"), &versions()), run.fingerprint(Some("x"), &versions()));
-        assert_eq!(differences(&run, &moved), Vec::<String>::new());
+        other.budget.env_steps = constant(7);
+        other.checkpoint.every_seconds = constant(1.0);
+        other.checkpoint.keep_policy_every = Some(constant(10_000));
+        other.evaluation.every = constant(1);
+        other.evaluation.final_episodes = constant(1);
+        assert_eq!(other.fingerprint(Some("x"), &versions()), run.fingerprint(Some("x"), &versions()));
+        assert_eq!(differences(&run, &other), Vec::<String>::new());
+        let otherwise = ["evaluation.every: 20000 -> 1", "evaluation.final_episodes: 50 -> 1"];
+        assert_eq!(evaluated_otherwise(&run, &other), otherwise);
+        assert_ne!(other.identity(), run.identity(), "in one plan they are two runs");
+    }
+
+    #[test]
+    fn training_takes_whole_rollouts() {
+        let steps = |budget: i64, algorithm: &str| {
+            let text = format!(
+                "[[matrix]]\nseed = [7]\nenv = ['Ant-v2']\nalgorithm = ['{algorithm}']\n\
+                 'budget.env_steps' = [{budget}]\n'rollout.steps' = [1024]\n"
+            );
+            planned(&text)[0].trained_steps()
+        };
+        assert_eq!([steps(1024, "mcpo"), steps(1025, "mcpo"), steps(2048, "mcpo")], [1024, 2048, 2048]);
+        assert_eq!([steps(1025, "bc"), steps(1025, "random")], [0, 0]);
     }
 
     #[test]
@@ -189,9 +298,6 @@ mod tests {
         let before = run();
         let other = "[[matrix]]\nseed = [8]\nenv = ['HalfCheetah-v2']\nalgorithm = ['mcpo']\nd = [0.5]\nmax_d = [1]\n";
         let after = planned(other).remove(0);
-        assert_eq!(
-            differences(&before, &after),
-            ["algorithm.mcpo.d: 0.001 -> 0.5", "algorithm.mcpo.max_d: absent -> 1.0", "seed: 7 -> 8"]
-        );
+        assert_eq!(differences(&before, &after), ["mcpo.d: 0.001 -> 0.5", "mcpo.max_d: absent -> 1", "seed: 7 -> 8"]);
     }
 }

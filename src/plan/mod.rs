@@ -3,19 +3,23 @@
 //! Owns the product of the axes, the resolution of hyperparameters, and every run's id and fingerprint. Pure: reads no
 //! file, starts nothing. Start at [`plan`] and [`RunSpec`].
 
+mod canonical;
+mod columns;
 mod id;
 mod identity;
 mod selection;
 
 use std::{
-    collections::{BTreeMap, HashMap},
+    collections::{BTreeMap, BTreeSet, HashMap},
     path::PathBuf,
 };
 
 use serde::{Deserialize, Serialize};
 
 pub use crate::spec::{Selection, SelectionError};
-pub use identity::{Versions, differences};
+pub use canonical::recorded;
+pub use columns::AxisValue;
+pub use identity::{Versions, differences, evaluated_otherwise};
 
 use crate::{
     env::{EnvId, Reward},
@@ -36,8 +40,12 @@ pub struct RunSpec {
     pub seed: Seed,
     /// The environment.
     pub env: EnvId,
-    /// The values of the block's axes that apply to it, and `d` and `epsilon` where the algorithm has them, for reports.
+    /// The values of the block's axes that apply to it, and `d` and `epsilon` where the algorithm has them, for reports;
+    /// a demonstration by what tells its file apart from the others of the experiment.
     pub axes: BTreeMap<String, toml::Value>,
+    /// The axes of the whole experiment, which are columns of all of its tables.
+    #[serde(default)]
+    pub columns: Vec<String>,
     /// The reward that is trained on.
     pub reward: Reward,
     /// The time limit in steps.
@@ -77,6 +85,9 @@ pub enum PlanError {
 /// The axes that every run of an algorithm that has them carries, varied or not.
 const ALWAYS: [&str; 2] = ["d", "epsilon"];
 
+/// The key whose values are files.
+const DEMONSTRATIONS: &str = "demonstrations";
+
 /// Every run of `spec`, each once: block after block, in each by environment, algorithm, axes (the last one fastest),
 /// and seed innermost. A run that several blocks name stands where the first one names it.
 ///
@@ -86,32 +97,57 @@ pub fn plan(spec: &ExperimentSpec) -> Result<Vec<RunSpec>, PlanError> {
     let mut runs: Vec<RunSpec> = Vec::new();
     let mut known: HashMap<String, usize> = HashMap::new();
     let mut ids: HashMap<String, usize> = HashMap::new();
+    let columns = columns::keys(spec);
+    let mut resolved = Vec::new();
+    let mut demonstrations: BTreeMap<EnvId, BTreeSet<PathBuf>> = BTreeMap::new();
     for block in &spec.matrix {
         for (env, algorithm, axes) in block.combinations() {
             let (settings, algorithm) = spec.resolve(env, algorithm, &axes)?;
             let keys: Vec<&str> = axes.iter().map(|(key, _)| *key).collect();
-            let run = RunSpec::new(spec, env, settings, algorithm, &keys);
-            for &seed in &block.seed {
-                let run = RunSpec { id: format!("{}/seed-{seed}", run.id), seed: Seed(seed), ..run.clone() };
-                if known.contains_key(&run.identity()) {
-                    continue;
-                }
-                if let Some(&other) = ids.get(&run.id) {
-                    let differences = differences(&runs[other], &run);
-                    return Err(PlanError::SameId { id: run.id, differences });
-                }
-                known.insert(run.identity(), runs.len());
-                ids.insert(run.id.clone(), runs.len());
-                runs.push(run);
+            let files = demonstrations.entry(env).or_default();
+            files.extend(keys.contains(&DEMONSTRATIONS).then(|| settings.demonstrations.clone()));
+            resolved.push((block, env, settings, algorithm, keys));
+        }
+    }
+    for (block, env, settings, algorithm, keys) in resolved {
+        let names = Names { columns: &columns, demonstrations: &demonstrations[&env] };
+        let run = RunSpec::new(spec, env, settings, algorithm, &keys, names);
+        for &seed in &block.seed {
+            let run = RunSpec { id: format!("{}/seed-{seed}", run.id), seed: Seed(seed), ..run.clone() };
+            if known.contains_key(&run.identity()) {
+                continue;
             }
+            if let Some(&other) = ids.get(&run.id) {
+                let differences = identity::all_differences(&runs[other], &run);
+                return Err(PlanError::SameId { id: run.id, differences });
+            }
+            known.insert(run.identity(), runs.len());
+            ids.insert(run.id.clone(), runs.len());
+            runs.push(run);
         }
     }
     Ok(runs)
 }
 
+/// What names a run's axes.
+#[derive(Clone, Copy)]
+struct Names<'a> {
+    /// The axes of the whole experiment.
+    columns: &'a [String],
+    /// The files that are values of the axis of demonstrations, for one environment.
+    demonstrations: &'a BTreeSet<PathBuf>,
+}
+
 impl RunSpec {
     /// The run of seed 0, its id without the seed, under the axes `keys`.
-    fn new(spec: &ExperimentSpec, env: EnvId, settings: Settings, algorithm: Algorithm, keys: &[&str]) -> Self {
+    fn new(
+        spec: &ExperimentSpec,
+        env: EnvId,
+        settings: Settings,
+        algorithm: Algorithm,
+        keys: &[&str],
+        names: Names<'_>,
+    ) -> Self {
         let demonstration = algorithm.uses_demonstration().then_some(settings.demonstrations);
         let mut run = Self {
             experiment: spec.name.clone(),
@@ -119,6 +155,7 @@ impl RunSpec {
             seed: Seed(0),
             env,
             axes: BTreeMap::new(),
+            columns: names.columns.to_vec(),
             reward: settings.reward,
             max_steps: settings.max_steps.get(),
             demonstration,
@@ -130,10 +167,18 @@ impl RunSpec {
             checkpoint: settings.checkpoint,
         };
         let varied: BTreeMap<String, toml::Value> =
-            keys.iter().filter_map(|key| Some(((*key).to_owned(), run.value(key)?))).collect();
+            keys.iter().filter_map(|key| Some(((*key).to_owned(), run.axis(key, names)?))).collect();
         run.id = format!("{env}/{}", id::folder(run.algorithm_name(), &varied));
         run.axes = ALWAYS.iter().filter_map(|key| Some(((*key).to_owned(), run.value(key)?))).chain(varied).collect();
         run
+    }
+
+    /// The value of the axis `key` as names tell it.
+    fn axis(&self, key: &str, names: Names<'_>) -> Option<toml::Value> {
+        match (key, &self.demonstration) {
+            (DEMONSTRATIONS, Some(path)) => Some(toml::Value::String(id::among(path, names.demonstrations))),
+            _ => self.value(key),
+        }
     }
 
     /// The algorithm's name.
@@ -173,7 +218,7 @@ impl RunSpec {
         let axes = self
             .axes
             .iter()
-            .map(|(key, value)| format!(" {}={}", key.strip_prefix(&prefix).unwrap_or(key), id::short(key, value)));
+            .map(|(key, value)| format!(" {}={}", key.strip_prefix(&prefix).unwrap_or(key), id::short(value)));
         std::iter::once(self.algorithm_name().to_owned()).chain(axes).collect()
     }
 
@@ -272,6 +317,19 @@ mod tests {
         let runs = planned("[[matrix]]\nseed = [0]\nenv = ['Ant-v2']\nalgorithm = ['expert', 'ppo']\n");
         assert_eq!(runs[0].reward, Reward::Dense);
         assert_eq!(runs[1].reward, EnvId::Ant.sparse_reward());
+    }
+
+    #[test]
+    fn demonstrations_of_one_file_name_are_told_apart_in_the_names_of_runs() {
+        let block = "[[matrix]]\nseed = [0]\nenv = ['Ant-v2']\nalgorithm = ['mcpo']\n";
+        let ids = |matrix: &str| planned(matrix).into_iter().map(|run| run.id).collect::<Vec<_>>();
+        let apart = ["good_Ant-v2", "poor_Ant-v2"].map(|name| format!("Ant-v2/mcpo-demonstrations={name}/seed-0"));
+        assert_eq!(ids(&format!("{block}demonstrations = ['good/{{env}}.parquet', 'poor/{{env}}.parquet']\n")), apart);
+        let each = ["good", "poor"].map(|name| format!("{block}demonstrations = ['{name}/{{env}}.parquet']\n"));
+        assert_eq!(ids(&each.concat()), apart);
+        assert_eq!(ids(&each[0]), ["Ant-v2/mcpo-demonstrations=Ant-v2/seed-0"]);
+        let labels: Vec<_> = planned(&each.concat()).iter().map(RunSpec::label).collect();
+        assert!(labels[0].contains("demonstrations=good/Ant-v2"), "{labels:?}");
     }
 
     #[test]

@@ -1,8 +1,13 @@
 //! Which runs a selection means.
 
+use std::{collections::BTreeSet, path::Path};
+
 use toml::Value;
 
-use super::{RunSpec, Selection, id::short};
+use super::{
+    RunSpec, Selection,
+    id::{among, short},
+};
 
 impl Selection {
     /// Whether `run` is meant. Numbers are compared as numbers: `1e-3` is 0.001.
@@ -17,7 +22,18 @@ impl Selection {
 fn same(key: &str, value: &Value, wanted: &Value) -> bool {
     match (number(value), number(wanted)) {
         (Some(value), Some(wanted)) => value == wanted,
-        _ => value == wanted || wanted.as_str().is_some_and(|wanted| short(key, value) == wanted),
+        _ => value == wanted || wanted.as_str().is_some_and(|wanted| called(key, value, wanted)),
+    }
+}
+
+/// Whether `wanted` is what `value` is called in the names of runs.
+fn called(key: &str, value: &Value, wanted: &str) -> bool {
+    match value {
+        Value::String(path) if key == "demonstrations" => {
+            let whole = Path::new(path).with_extension("");
+            whole.ends_with(wanted) || among(Path::new(path), &BTreeSet::new()) == wanted
+        }
+        _ => short(value) == wanted,
     }
 }
 

@@ -1,7 +1,8 @@
 //! The state from which an interrupted run goes on.
 //!
 //! A sealed file: a line that names the format and its version, the run's fingerprint, the payload's BLAKE3 digest, the
-//! payload (postcard). What does not fit is refused with the reason, and left where it is.
+//! payload (postcard). What does not fit is refused with the reason, and left where it is. A finished run keeps its last one, to go
+//! on from when it is to be longer.
 
 use std::path::Path;
 
@@ -13,7 +14,7 @@ use crate::train::{EvaluationEpisode, Iteration};
 /// What a checkpoint's first line says.
 const NAME: &str = "mcpo-run checkpoint";
 /// The version of payloads; raise it when [`Checkpoint`], whatever is inside `state`, or an agent changes its shape.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// The largest sealed file that is read, bytes.
 const LIMIT: u64 = 4 << 30;
 const DIGEST: usize = 64; // hexadecimal
@@ -46,7 +47,7 @@ impl Checkpoint {
 
     /// Reads the checkpoint of the run with `fingerprint`; `None` where there is none.
     ///
-    /// Errors: it is of another version or run, or damaged. The file is left alone.
+    /// Errors: it is of another version or run, or [damaged](RecordError::Damaged). The file is left alone.
     pub fn read(path: &Path, fingerprint: &str) -> Result<Option<Self>, RecordError> {
         read_sealed(path, NAME, fingerprint)
     }
@@ -72,29 +73,43 @@ pub(super) fn read_sealed<T: DeserializeOwned>(
     written_for: &str,
 ) -> Result<Option<T>, RecordError> {
     let Some(bytes) = read_bounded(path, LIMIT)? else { return Ok(None) };
-    unsealed(&bytes, name, written_for).map(Some).map_err(|reason| malformed(path, reason))
+    unsealed(&bytes, name, written_for).map(Some).map_err(|refusal| match refusal {
+        Refusal::Foreign(reason) => malformed(path, reason),
+        Refusal::Damaged(reason) => RecordError::Damaged { path: path.to_owned(), reason },
+    })
 }
 
-fn unsealed<T: DeserializeOwned>(bytes: &[u8], name: &str, fingerprint: &str) -> Result<T, String> {
+/// Why a sealed file is not used.
+enum Refusal {
+    /// Another program or run can use it.
+    Foreign(String),
+    /// Nobody can.
+    Damaged(String),
+}
+
+fn unsealed<T: DeserializeOwned>(bytes: &[u8], name: &str, fingerprint: &str) -> Result<T, Refusal> {
+    let damaged = |reason: &str| Refusal::Damaged(reason.to_owned());
     let rest = bytes.strip_prefix(name.as_bytes()).and_then(|rest| rest.strip_prefix(b" "));
-    let rest = rest.ok_or_else(|| format!("it does not begin with `{name}`"))?;
-    let (version, rest) = line(rest)?;
+    let rest = rest.ok_or_else(|| Refusal::Damaged(format!("it does not begin with `{name}`")))?;
+    let (version, rest) = line(rest).map_err(damaged)?;
     if version != VERSION.to_string() {
-        return Err(format!("it is of version {version}, and this program reads version {VERSION}"));
+        let reason = format!("it is of version {version}, and this program reads version {VERSION}");
+        return Err(Refusal::Foreign(reason));
     }
-    let (written_for, rest) = line(rest)?;
-    if written_for != fingerprint {
-        return Err(format!("it was written by a run with fingerprint {written_for}, and this one has {fingerprint}"));
-    }
-    let (digest, payload) = line(rest)?;
+    let (written_for, rest) = line(rest).map_err(damaged)?;
+    let (digest, payload) = line(rest).map_err(damaged)?;
     if digest.len() != DIGEST || digest != blake3::hash(payload).to_hex().as_str() {
-        return Err("its content does not have the digest that it names: it is damaged".to_owned());
+        return Err(damaged("its content does not have the digest that it names"));
     }
-    postcard::from_bytes(payload).map_err(|error| format!("its content cannot be decoded: {error}"))
+    if written_for != fingerprint {
+        let reason = format!("it was written by a run with fingerprint {written_for}, and this one has {fingerprint}");
+        return Err(Refusal::Foreign(reason));
+    }
+    postcard::from_bytes(payload).map_err(|error| Refusal::Damaged(format!("its content cannot be decoded: {error}")))
 }
 
 /// The bytes up to a line's end, as text, and what follows.
-fn line(bytes: &[u8]) -> Result<(&str, &[u8]), String> {
+fn line(bytes: &[u8]) -> Result<(&str, &[u8]), &'static str> {
     let end = bytes.iter().take(4096).position(|&byte| byte == b'\n').ok_or("it is cut off in its head")?;
     let text = std::str::from_utf8(&bytes[..end]).map_err(|_| "its head is not text")?;
     Ok((text, &bytes[end + 1..]))
@@ -141,8 +156,8 @@ mod tests {
         }
         std::fs::write(&path, &whole).expect("written");
         assert!(Checkpoint::read(&path, "g").expect_err("another run").to_string().contains("fingerprint f"));
-        let newer = [NAME.as_bytes(), b" 2\n", &whole[NAME.len() + 3..]].concat();
-        assert!(refused(&newer).contains("version 2"));
+        let newer = [NAME.as_bytes(), b" 3\n", &whole[NAME.len() + 3..]].concat();
+        assert!(refused(&newer).contains("version 3"));
     }
 
     #[test]

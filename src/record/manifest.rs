@@ -1,13 +1,15 @@
 //! `run.json`: what a run was to be, and what became of it.
 
-use std::path::Path;
+use std::{collections::BTreeSet, path::Path};
 
 use serde::{Deserialize, Serialize};
 
-use super::{RecordError, Stamp, now, read_bounded, write_atomically};
+use super::{Build, RecordError, RunPaths, Stamp, now, read_bounded, write_atomically};
 
 /// The largest `run.json` that is read, bytes.
 const LIMIT: u64 = 16 << 20;
+/// The largest table whose digest is taken, bytes.
+const TABLE_LIMIT: u64 = 1 << 30;
 
 /// `run.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -23,8 +25,37 @@ pub struct Manifest {
     /// The digest of the policy at the end of training; absent before, and where there is none.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub policy: Option<String>,
+    /// The digests of the tables of a finished run; absent before, and in files of older programs.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub tables: Option<TableDigests>,
     /// What became of the run.
     pub outcome: Outcome,
+}
+
+/// BLAKE3 of a run's tables, by which damage is seen before anybody reads them.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TableDigests {
+    /// Of `progress.parquet`.
+    pub progress: String,
+    /// Of `evaluations.parquet`.
+    pub evaluations: String,
+}
+
+impl TableDigests {
+    /// Those of the tables in `folder`.
+    ///
+    /// Errors: one is missing or cannot be read.
+    pub fn of(folder: &Path) -> Result<Self, RecordError> {
+        let digest = |path: &Path| {
+            let bytes = read_bounded(path, TABLE_LIMIT)?;
+            let absent = || RecordError::Damaged { path: path.to_owned(), reason: "it is missing".to_owned() };
+            Ok(blake3::hash(&bytes.ok_or_else(absent)?).to_hex().to_string())
+        };
+        Ok(Self {
+            progress: digest(&RunPaths::progress(folder))?,
+            evaluations: digest(&RunPaths::evaluations(folder))?,
+        })
+    }
 }
 
 /// One process's work on a run.
@@ -41,6 +72,12 @@ pub struct Attempt {
     pub process: u32,
     /// The environment steps of the checkpoint that it went on from; 0 when it began anew.
     pub from_env_steps: u64,
+    /// The [`cpu_class`](Build::cpu_class) that computed it; empty in files of older programs.
+    #[serde(default)]
+    pub cpu_class: String,
+    /// The [`libm`](Build::libm) that computed it; empty likewise.
+    #[serde(default)]
+    pub libm: String,
     /// What it died of.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub error: Option<String>,
@@ -66,7 +103,20 @@ pub enum Outcome {
 impl Manifest {
     /// A run that begins now.
     pub fn new(stamp: Stamp) -> Self {
-        Self { stamp, attempts: Vec::new(), env_steps: 0, seconds: 0.0, policy: None, outcome: Outcome::Begun }
+        Self {
+            stamp,
+            attempts: Vec::new(),
+            env_steps: 0,
+            seconds: 0.0,
+            policy: None,
+            tables: None,
+            outcome: Outcome::Begun,
+        }
+    }
+
+    /// The same run, taken up again by the program that `stamp` tells of.
+    pub fn taken_up(self, stamp: Stamp) -> Self {
+        Self { stamp, policy: None, tables: None, outcome: Outcome::Begun, ..self }
     }
 
     /// Reads `run.json`; `None` where there is none.
@@ -101,6 +151,35 @@ impl Manifest {
             attempt.ended = Some(now());
             attempt.error = error;
         }
+    }
+
+    /// Errors: a table of this finished run in `folder` is missing or not what was recorded; nothing is known of those that an
+    /// older program wrote.
+    pub fn check_tables(&self, folder: &Path) -> Result<(), RecordError> {
+        let Some(recorded) = &self.tables else { return Ok(()) };
+        let found = TableDigests::of(folder)?;
+        let damaged = |path| RecordError::Damaged { path, reason: "it is not what was recorded".to_owned() };
+        if found.progress != recorded.progress {
+            return Err(damaged(RunPaths::progress(folder)));
+        }
+        if found.evaluations != recorded.evaluations {
+            return Err(damaged(RunPaths::evaluations(folder)));
+        }
+        Ok(())
+    }
+
+    /// Whether all of it was computed on the class of machine that `stamp` names: a run that was taken up on another one has
+    /// bits that no machine repeats. Attempts whose work was lost do not count.
+    pub fn is_of_one_class(&self) -> bool {
+        let counts = |index: usize| {
+            let next = self.attempts.get(index + 1);
+            next.is_none_or(|next| next.from_env_steps > self.attempts[index].from_env_steps)
+        };
+        let Build { cpu_class, libm, .. } = &self.stamp.build;
+        let known =
+            self.attempts.iter().enumerate().filter(|(index, attempt)| counts(*index) && !attempt.libm.is_empty());
+        let classes: BTreeSet<_> = known.map(|(_, attempt)| (&attempt.cpu_class, &attempt.libm)).collect();
+        classes.iter().all(|class| *class == (cpu_class, libm))
     }
 
     /// The error of a run that failed.
@@ -150,6 +229,8 @@ mod tests {
             host: "here".to_owned(),
             process: 7,
             from_env_steps: 0,
+            cpu_class: "x86_64".to_owned(),
+            libm: "a".to_owned(),
             error: None,
         });
         manifest.end_attempt(Some("diverged".to_owned()));
@@ -160,5 +241,48 @@ mod tests {
         assert_eq!(read, manifest);
         assert_eq!(read.attempts[0].error.as_deref(), Some("diverged"));
         assert_eq!(read.error(), Some("diverged"));
+    }
+
+    #[test]
+    fn a_run_that_two_classes_computed_is_not_of_one() {
+        let mut manifest = manifest();
+        let Build { cpu_class, libm, .. } = manifest.stamp.build.clone();
+        let mut attempt = |from_env_steps, cpu_class: &str| {
+            manifest.attempts.push(Attempt {
+                began: now(),
+                ended: None,
+                host: "here".to_owned(),
+                process: 7,
+                from_env_steps,
+                cpu_class: cpu_class.to_owned(),
+                libm: libm.clone(),
+                error: None,
+            });
+            manifest.is_of_one_class()
+        };
+        assert!(!attempt(0, "sparc64"));
+        assert!(attempt(0, &cpu_class), "the work on the other one was lost");
+        assert!(attempt(512, &cpu_class));
+        assert!(!attempt(512, "sparc64") && !attempt(1024, &cpu_class), "its work counts");
+    }
+
+    #[test]
+    fn a_table_that_is_not_the_recorded_one_is_damage() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (progress, evaluations) = (RunPaths::progress(folder.path()), RunPaths::evaluations(folder.path()));
+        std::fs::write(&progress, "rows").expect("written");
+        assert!(TableDigests::of(folder.path()).expect_err("half").to_string().contains("evaluations.parquet"));
+        std::fs::write(&evaluations, "episodes").expect("written");
+        let tables = TableDigests::of(folder.path()).expect("both are there");
+        let manifest = Manifest { tables: Some(tables), ..manifest() };
+        assert!(manifest.check_tables(folder.path()).is_ok());
+        for (path, whole) in [(progress, "rows"), (evaluations, "episodes")] {
+            std::fs::write(&path, "other").expect("written");
+            let error = manifest.check_tables(folder.path()).expect_err("another table");
+            assert!(error.to_string().contains(&path.display().to_string()), "{error}");
+            std::fs::remove_file(&path).expect("there");
+            assert!(manifest.check_tables(folder.path()).is_err());
+            std::fs::write(&path, whole).expect("written");
+        }
     }
 }

@@ -14,6 +14,7 @@ pub mod policy;
 pub mod pretrained;
 mod provenance;
 pub mod rows;
+mod under_way;
 
 use std::{
     fs::{self, File},
@@ -24,9 +25,10 @@ use std::{
 pub use checkpoint::Checkpoint;
 pub use claim::Claim;
 pub use heartbeat::Heartbeat;
-pub use manifest::{Attempt, Manifest, Outcome};
+pub use manifest::{Attempt, Manifest, Outcome, TableDigests};
 pub use paths::{RunPaths, check_writable, experiment_folder};
 pub use provenance::{Build, Demonstrated, Origin, Stamp, cpu_class, now};
+pub use under_way::UnderWay;
 
 /// How the names of files begin that are not yet in their place.
 const WRITING: &str = ".writing-";
@@ -51,6 +53,14 @@ pub enum RecordError {
         name: String,
         /// Why not.
         reason: &'static str,
+    },
+    /// The file is what it should be, but not whole: what it held is lost.
+    #[error("{} is damaged: {reason}", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What shows it.
+        reason: String,
     },
     /// The file is there but not what it should be.
     #[error("{} is not {expected}: {reason}", path.display())]

@@ -10,7 +10,8 @@ use super::{Manifest, Outcome, RecordError, WRITING, io_error, rename, write_ato
 /// The places of one run.
 ///
 /// A run has one folder at a time: beside its place (`<id>.partial`) while it is under way or interrupted, at its place
-/// (`<id>`) when it has ended, well or not. The change from one to the other is a rename.
+/// (`<id>`) when it has ended, well or not. The change from one to the other is a rename. A finished run that is made longer
+/// has two meanwhile, and keeps its own until the longer one takes its place.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct RunPaths {
     /// `<results>/<experiment>/runs/<id>`: what the run left.
@@ -76,9 +77,15 @@ impl RunPaths {
         folder.join("run.json")
     }
 
-    /// The last checkpoint.
+    /// The last checkpoint of a run that has not finished.
     pub fn checkpoint(folder: &Path) -> PathBuf {
         folder.join("checkpoint")
+    }
+
+    /// The last checkpoint of a run that has finished, to go on from when it is to be longer. It may be removed: a longer run is
+    /// then trained from its start.
+    pub fn kept_state(folder: &Path) -> PathBuf {
+        folder.join("state.checkpoint")
     }
 
     /// How far the run is.
@@ -98,34 +105,97 @@ impl RunPaths {
         Manifest::read(&Self::manifest(&self.complete))
     }
 
-    /// Makes the folder in which the run is written. One that ended in failure is taken up again: its checkpoint counts.
-    /// Files that a killed process was writing are removed; only the holder of the claim may call this.
+    /// Makes the folder in which the run is written. One that ended in failure is taken up again: its checkpoint counts. One
+    /// that finished is left as it is; the longer run gets its log and the policies that it kept. Files that a killed process was
+    /// writing are removed; only the holder of the claim may call this.
     ///
     /// Errors: the folders cannot be made, renamed or read.
     pub fn open(&self) -> Result<(), RecordError> {
-        if self.complete.exists() && !self.partial.exists() {
+        self.settle()?;
+        let finished = self.ended()?.is_some_and(|ended| ended.outcome == Outcome::Finished);
+        if self.complete.exists() && !finished && !self.partial.exists() {
             rename(&self.complete, &self.partial)?;
         }
         fs::create_dir_all(&self.partial).map_err(io_error("create", &self.partial))?;
-        remove_half_written(&self.partial)?;
-        let policies = Self::kept_policies(&self.partial);
-        if policies.exists() { remove_half_written(&policies) } else { Ok(()) }
+        self.remove_half_written()?;
+        if finished { self.bring_along() } else { Ok(()) }
     }
 
     /// Puts what was written into its place, with `manifest` as its last word. A run that failed keeps its checkpoint, to go
-    /// on from, and no tables: whoever scans them must not meet half a run.
+    /// on from, and no tables: whoever scans them must not meet half a run. Where a shorter run has finished, a failure leaves
+    /// that in its place.
     ///
     /// Errors: the disk refuses; everything is still in [`partial`](Self::partial) then.
     pub fn close(&self, manifest: &Manifest) -> Result<(), RecordError> {
-        let finished = manifest.outcome == Outcome::Finished;
-        if !finished {
-            remove_if_there(&Self::progress(&self.partial))?;
-            remove_if_there(&Self::evaluations(&self.partial))?;
+        if manifest.outcome == Outcome::Finished {
+            manifest.write(&Self::manifest(&self.partial))?;
+            return self.settle();
         }
+        remove_if_there(&Self::progress(&self.partial))?;
+        remove_if_there(&Self::evaluations(&self.partial))?;
+        remove_if_there(&Self::heartbeat(&self.partial))?;
         manifest.write(&Self::manifest(&self.partial))?;
-        rename(&self.partial, &self.complete)?;
-        remove_if_there(&Self::heartbeat(&self.complete))?;
-        if finished { remove_if_there(&Self::checkpoint(&self.complete)) } else { Ok(()) }
+        match self.ended()? {
+            Some(ended) if ended.outcome == Outcome::Finished => Ok(()),
+            _ => rename(&self.partial, &self.complete),
+        }
+    }
+
+    /// Puts a run whose last word says that it finished into its place, in the place of a shorter one if need be: also where
+    /// the process that wrote it was killed before it could. Only the holder of the claim may call this.
+    ///
+    /// Errors: the disk refuses; the next call goes on from there.
+    pub fn settle(&self) -> Result<(), RecordError> {
+        let manifest = Manifest::read(&Self::manifest(&self.partial))?;
+        if manifest.is_some_and(|manifest| manifest.outcome == Outcome::Finished) {
+            self.remove_half_written()?;
+            remove_if_there(&Self::heartbeat(&self.partial))?;
+            let last = Self::checkpoint(&self.partial);
+            if last.exists() {
+                rename(&last, &Self::kept_state(&self.partial))?;
+            }
+            if self.complete.exists() {
+                remove_folder(&self.replaced())?;
+                rename(&self.complete, &self.replaced())?;
+            }
+            rename(&self.partial, &self.complete)?;
+        }
+        if self.complete.exists() { remove_folder(&self.replaced()) } else { Ok(()) }
+    }
+
+    /// Whether a killed process left something that [`settle`](Self::settle) would put right.
+    pub fn is_unsettled(&self) -> bool {
+        self.replaced().exists() && self.complete.exists()
+    }
+
+    /// Where a shorter run lies while the longer one takes its place.
+    fn replaced(&self) -> PathBuf {
+        with_suffix(&self.complete, ".replaced")
+    }
+
+    /// Copies what a longer run needs of the finished one, where it is not there yet.
+    fn bring_along(&self) -> Result<(), RecordError> {
+        let mut files = vec![(Self::log(&self.complete), Self::log(&self.partial))];
+        let kept = Self::kept_policies(&self.complete);
+        if kept.exists() {
+            let own = Self::kept_policies(&self.partial);
+            fs::create_dir_all(&own).map_err(io_error("create", &own))?;
+            for entry in fs::read_dir(&kept).map_err(io_error("read", &kept))? {
+                let entry = entry.map_err(io_error("read", &kept))?;
+                files.push((entry.path(), own.join(entry.file_name())));
+            }
+        }
+        for (from, to) in files.into_iter().filter(|(from, to)| from.exists() && !to.exists()) {
+            let bytes = fs::read(&from).map_err(io_error("read", &from))?;
+            write_atomically(&to, &bytes)?;
+        }
+        Ok(())
+    }
+
+    fn remove_half_written(&self) -> Result<(), RecordError> {
+        remove_half_written(&self.partial)?;
+        let policies = Self::kept_policies(&self.partial);
+        if policies.exists() { remove_half_written(&policies) } else { Ok(()) }
     }
 
     /// Renames whatever there is of the run to `<id>.old-<n>`, and gives the new names. Its Parquet files get the ending
@@ -191,6 +261,14 @@ pub(crate) fn remove_if_there(path: &Path) -> Result<(), RecordError> {
     }
 }
 
+/// Removes a folder with all that is in it, if it is there.
+fn remove_folder(path: &Path) -> Result<(), RecordError> {
+    match fs::remove_dir_all(path) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(io_error("remove", path)(error)),
+        _ => Ok(()),
+    }
+}
+
 fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
     let mut name = path.file_name().unwrap_or_default().to_owned();
     name.push(suffix);
@@ -207,8 +285,8 @@ fn check(name: &str) -> Result<(), RecordError> {
         r#"a part holds a control character or one of / \ : * ? " < > |"#
     } else if name.len() > 200 {
         "a part is longer than 200 bytes"
-    } else if name.ends_with(".partial") || name.contains(".old-") {
-        "a part ends as the program's own folders do (.partial, .old-N)"
+    } else if name.ends_with(".partial") || name.ends_with(".replaced") || name.contains(".old-") {
+        "a part ends as the program's own folders do (.partial, .replaced, .old-N)"
     } else {
         return Ok(());
     };
@@ -222,9 +300,22 @@ mod tests {
     #[test]
     fn names_cannot_lead_elsewhere() {
         let results = Path::new("results");
-        for bad in
-            ["", "..", ".", "a/../../b", "/etc", "a//b", "a/", r"a\b", "c:d", "a\0", "x.partial", "x.old-1/y", ".git"]
-        {
+        for bad in [
+            "",
+            "..",
+            ".",
+            "a/../../b",
+            "/etc",
+            "a//b",
+            "a/",
+            r"a\b",
+            "c:d",
+            "a\0",
+            "x.partial",
+            "x.replaced",
+            "x.old-1/y",
+            ".git",
+        ] {
             assert!(RunPaths::new(results, "e", bad).is_err(), "{bad:?}");
         }
         for bad in ["", "..", "a/b", "/"] {
@@ -280,6 +371,67 @@ mod tests {
         };
         assert_eq!(files(&paths.partial), [RunPaths::checkpoint(&paths.partial)]);
         assert_eq!(files(&policies), [policy]);
+    }
+
+    fn finished(env_steps: u64) -> Manifest {
+        Manifest { outcome: Outcome::Finished, env_steps, ..Manifest::new(crate::record::rows::tests::stamp()) }
+    }
+
+    #[test]
+    fn a_longer_run_takes_the_place_of_the_shorter_one_whenever_its_process_is_killed() {
+        // What lies where after each step of `settle`: nothing renamed yet, the shorter one away, the longer one there.
+        for step in 0..3 {
+            let folder = tempfile::tempdir().expect("a folder");
+            let paths = RunPaths::new(folder.path(), "e", "a/b").expect("a good id");
+            paths.open().expect("made");
+            fs::write(RunPaths::log(&paths.partial), "first\n").expect("written");
+            fs::write(RunPaths::checkpoint(&paths.partial), "short").expect("written");
+            paths.close(&finished(100)).expect("closed");
+            assert!(RunPaths::kept_state(&paths.complete).exists() && !RunPaths::checkpoint(&paths.complete).exists());
+            paths.open().expect("to be longer");
+            assert_eq!(fs::read_to_string(RunPaths::log(&paths.partial)).expect("brought along"), "first\n");
+            for file in [RunPaths::checkpoint, RunPaths::heartbeat] {
+                fs::write(file(&paths.partial), "long").expect("written");
+            }
+            fs::write(paths.partial.join(".writing-x"), "half").expect("written");
+            finished(200).write(&RunPaths::manifest(&paths.partial)).expect("its last word");
+            if step > 0 {
+                fs::rename(&paths.complete, paths.replaced()).expect("renamed");
+            }
+            if step > 1 {
+                fs::rename(RunPaths::checkpoint(&paths.partial), RunPaths::kept_state(&paths.partial))
+                    .expect("renamed");
+                fs::remove_file(RunPaths::heartbeat(&paths.partial)).expect("there");
+                fs::remove_file(paths.partial.join(".writing-x")).expect("there");
+                fs::rename(&paths.partial, &paths.complete).expect("renamed");
+                assert!(paths.is_unsettled());
+            }
+            paths.settle().expect("settled");
+            assert!(!paths.is_unsettled() && !paths.partial.exists() && !paths.replaced().exists());
+            assert_eq!(paths.ended().expect("readable").map(|ended| ended.env_steps), Some(200));
+            let mut names: Vec<_> =
+                fs::read_dir(&paths.complete).expect("readable").map(|entry| entry.expect("e").file_name()).collect();
+            names.sort();
+            assert_eq!(names, ["log.txt", "run.json", "state.checkpoint"], "step {step}");
+            assert_eq!(fs::read_to_string(RunPaths::kept_state(&paths.complete)).expect("readable"), "long");
+        }
+    }
+
+    #[test]
+    fn a_longer_run_that_fails_leaves_the_shorter_one_in_its_place() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let paths = RunPaths::new(folder.path(), "e", "a/b").expect("a good id");
+        paths.open().expect("made");
+        fs::create_dir(RunPaths::kept_policies(&paths.partial)).expect("made");
+        fs::write(RunPaths::kept_policy(&paths.partial, 5), "policy").expect("written");
+        paths.close(&finished(100)).expect("closed");
+        paths.open().expect("to be longer");
+        fs::write(RunPaths::checkpoint(&paths.partial), "long").expect("written");
+        let outcome = Outcome::Failed { error: "boom".to_owned(), log_tail: Vec::new() };
+        paths.close(&Manifest { outcome, ..finished(150) }).expect("closed");
+        assert_eq!(paths.ended().expect("readable").map(|ended| ended.env_steps), Some(100));
+        assert!(RunPaths::checkpoint(&paths.partial).exists(), "its progress is lost");
+        assert!(RunPaths::kept_policy(&paths.partial, 5).exists());
     }
 
     #[test]

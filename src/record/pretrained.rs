@@ -22,7 +22,7 @@ use crate::{algo::Agent, train::TrainError};
 const NAME: &str = "mcpo-run pre-trained agent";
 
 /// The agent of `key` in `folder`, or else what `train` gives, which is kept there. `key` names all that `train` depends
-/// on, but for the class of machine, whose bits may differ: that is `cpu_class`. Of several processes that ask for the same
+/// on, but for the class of machine, whose bits may differ: that is `machine`. Of several processes that ask for the same
 /// agent at once, one trains it and the others wait.
 ///
 /// A file that is damaged is replaced, with a warning in the log.
@@ -31,10 +31,10 @@ const NAME: &str = "mcpo-run pre-trained agent";
 pub fn pretrained(
     folder: &Path,
     key: &str,
-    cpu_class: &str,
+    machine: (&str, &str),
     train: &mut dyn FnMut() -> Result<Agent, TrainError>,
 ) -> Result<Agent, TrainError> {
-    let name = &blake3::hash(format!("{key} {cpu_class}").as_bytes()).to_hex()[..32];
+    let name = &blake3::hash(format!("{key} {} {}", machine.0, machine.1).as_bytes()).to_hex()[..32];
     let path = folder.join(name);
     let _lock = lock(folder, &path.with_extension("lock"))?;
     match read_sealed(&path, NAME, key) {
@@ -91,7 +91,7 @@ mod tests {
             trained = true;
             Ok(agent(seed))
         };
-        let given = pretrained(folder, key, "x86_64 fma", &mut train).expect("a folder to write to");
+        let given = pretrained(folder, key, ("x86_64 fma", "a"), &mut train).expect("a folder to write to");
         (given, trained)
     }
 
@@ -99,11 +99,11 @@ mod tests {
     fn what_fails_keeps_nothing() {
         let folder = tempfile::tempdir().expect("a folder");
         let mut fail = || Err(TrainError::NoDemonstration);
-        assert!(matches!(pretrained(folder.path(), "k", "c", &mut fail), Err(TrainError::NoDemonstration)));
+        assert!(matches!(pretrained(folder.path(), "k", ("c", "a"), &mut fail), Err(TrainError::NoDemonstration)));
         assert!(ask(folder.path(), "k", 1).1, "a failure was found");
         let file = folder.path().join("file");
         fs::write(&file, "").expect("written");
-        let message = pretrained(&file, "k", "c", &mut || Ok(agent(1))).expect_err("no folder").to_string();
+        let message = pretrained(&file, "k", ("c", "a"), &mut || Ok(agent(1))).expect_err("no folder").to_string();
         assert!(message.contains("file"), "{message}");
     }
 
@@ -131,8 +131,10 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         ask(folder.path(), "k", 1);
         assert_eq!(ask(folder.path(), "l", 2), (agent(2), true));
-        let other = pretrained(folder.path(), "k", "aarch64", &mut || Ok(agent(3))).expect("trained");
-        assert_eq!(other, agent(3));
+        for (n, machine) in [(3, ("aarch64", "a")), (4, ("x86_64 fma", "b"))] {
+            let other = pretrained(folder.path(), "k", machine, &mut || Ok(agent(n))).expect("trained");
+            assert_eq!(other, agent(n));
+        }
     }
 
     #[test]
@@ -147,7 +149,7 @@ mod tests {
                         count.fetch_add(1, Ordering::Relaxed);
                         Ok(agent(seed))
                     };
-                    pretrained(folder, "k", "c", &mut train).expect("a folder to write to");
+                    pretrained(folder, "k", ("c", "a"), &mut train).expect("a folder to write to");
                 });
             }
         });

@@ -1,6 +1,6 @@
 //! Where a result comes from: what every file that a run leaves carries.
 
-use std::{env, fs, process::Command, time::SystemTime};
+use std::{env, fs, path::PathBuf, process::Command, time::SystemTime};
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -63,9 +63,10 @@ pub struct Build {
 }
 
 impl Build {
-    /// What decides a run's last bits beside its specification; equal classes have equal bits.
-    pub fn numeric_class(&self) -> (&str, &str, &Value) {
-        (&self.cpu_class, &self.libm, &self.versions)
+    /// The class of machine: beside the specification and the versions it decides a run's last bits, which are equal within
+    /// one class.
+    pub fn machine(&self) -> (&str, &str) {
+        (&self.cpu_class, &self.libm)
     }
 
     /// This program on this machine; `versions` are those of the fingerprint.
@@ -93,6 +94,9 @@ pub struct Origin {
     pub command_line: Vec<String>,
     /// When the command was called, UTC (RFC 3339).
     pub called: String,
+    /// The folder that it was called in, where relative paths of the specification start; absent in files of older programs.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub folder: Option<PathBuf>,
     /// The commit of the folder it was called in, and whether files there differ from it; absent outside a repository.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub git: Option<Git>,
@@ -115,6 +119,7 @@ impl Origin {
             cpu: cpu_model().unwrap_or_else(unknown),
             command_line: env::args_os().map(|argument| argument.to_string_lossy().into_owned()).collect(),
             called: now(),
+            folder: env::current_dir().ok(),
             git: git(),
         }
     }

@@ -3,7 +3,7 @@
 //! Every row begins with its run's keys, and every file has the same columns of the same types whatever the algorithm, so
 //! that all of them can be scanned as one table. A quantity that a run does not have is null.
 
-use std::{fs::File, path::Path};
+use std::{collections::BTreeMap, fs::File, path::Path};
 
 use polars::prelude::{
     Column, DataFrame, DataType, KeyValueMetadata, ParquetReader, ParquetWriter, PolarsError, PolarsResult, SerReader,
@@ -12,7 +12,7 @@ use polars::prelude::{
 use super::{RecordError, Stamp, io_error, write_atomically};
 use crate::{
     algo::Update,
-    plan::RunSpec,
+    plan::{AxisValue, RunSpec},
     train::{EvaluationEpisode, Iteration},
 };
 
@@ -33,6 +33,8 @@ pub struct Keys {
     pub epsilon: Option<f64>,
     /// The seed.
     pub seed: u64,
+    /// The other axes of the run's experiment, each a column of its own between these and the row's.
+    pub axes: BTreeMap<String, AxisValue>,
 }
 
 impl From<&RunSpec> for Keys {
@@ -45,6 +47,7 @@ impl From<&RunSpec> for Keys {
             d: spec.d(),
             epsilon: spec.epsilon(),
             seed: spec.seed.0,
+            axes: spec.axis_columns(),
         }
     }
 }
@@ -81,6 +84,8 @@ cell! {
     f64 = Float64 by f64 as |cell| cell;
     bool = Boolean by bool as |cell| cell;
     String = String by str as |cell: Option<&str>| cell.map(str::to_owned);
+    Option<bool> = Boolean by bool as Some;
+    Option<i64> = Int64 by i64 as Some;
     Option<u64> = UInt64 by u64 as Some;
     Option<f64> = Float64 by f64 as Some;
     Option<String> = String by str as |cell: Option<&str>| Some(cell.map(str::to_owned));
@@ -156,8 +161,11 @@ table! { evaluation_frame, evaluation_rows, EvaluationEpisode;
     ; EvaluationEpisode { env_steps, last, episode, dense_return, training_return, length }
 }
 
+/// The columns that follow the axes', by which these end.
+const FIRST_OF_ROWS: [&str; 2] = ["iteration", "env_steps"];
+
 fn key_columns(keys: &Keys, height: usize) -> Vec<Column> {
-    vec![
+    let mut columns = vec![
         String::column("experiment", vec![keys.experiment.clone(); height]),
         String::column("run", vec![keys.run.clone(); height]),
         String::column("env", vec![keys.env.clone(); height]),
@@ -165,7 +173,31 @@ fn key_columns(keys: &Keys, height: usize) -> Vec<Column> {
         Option::<f64>::column("d", vec![keys.d; height]),
         Option::<f64>::column("epsilon", vec![keys.epsilon; height]),
         u64::column("seed", vec![keys.seed; height]),
-    ]
+    ];
+    columns.extend(keys.axes.iter().map(|(key, value)| match value {
+        AxisValue::Number(number) => Option::<f64>::column(key, vec![*number; height]),
+        AxisValue::Whole(number) => Option::<i64>::column(key, vec![*number; height]),
+        AxisValue::Truth(truth) => Option::<bool>::column(key, vec![*truth; height]),
+        AxisValue::Text(text) => Option::<String>::column(key, vec![text.clone(); height]),
+    }));
+    columns
+}
+
+/// The axes of a frame with rows.
+fn axes_of(frame: &DataFrame) -> PolarsResult<BTreeMap<String, AxisValue>> {
+    let names =
+        frame.get_column_names().into_iter().map(|name| name.as_str()).skip_while(|name| *name != "seed").skip(1);
+    let mut axes = BTreeMap::new();
+    for name in names.take_while(|name| !FIRST_OF_ROWS.contains(name)) {
+        let value = match frame.column(name)?.dtype() {
+            DataType::Float64 => AxisValue::Number(cells::<Option<f64>>(frame, name)?.pop().flatten()),
+            DataType::Int64 => AxisValue::Whole(cells::<Option<i64>>(frame, name)?.pop().flatten()),
+            DataType::Boolean => AxisValue::Truth(cells::<Option<bool>>(frame, name)?.pop().flatten()),
+            _ => AxisValue::Text(cells::<Option<String>>(frame, name)?.pop().flatten()),
+        };
+        axes.insert(name.to_owned(), value);
+    }
+    Ok(axes)
 }
 
 fn cells<T: Cell>(frame: &DataFrame, name: &str) -> PolarsResult<Vec<T>> {
@@ -228,6 +260,7 @@ fn keys_of(frame: &DataFrame) -> PolarsResult<Option<Keys>> {
     let (experiment, run, env, algorithm) = (text("experiment")?, text("run")?, text("env")?, text("algorithm")?);
     let seed = cells::<u64>(frame, "seed")?.pop();
     let (d, epsilon) = (number("d")?, number("epsilon")?);
+    let axes = axes_of(frame)?;
     let all = experiment.zip(run).zip(env.zip(algorithm)).zip(seed);
     Ok(all.map(|(((experiment, run), (env, algorithm)), seed)| Keys {
         experiment,
@@ -237,6 +270,7 @@ fn keys_of(frame: &DataFrame) -> PolarsResult<Option<Keys>> {
         d,
         epsilon,
         seed,
+        axes,
     }))
 }
 
@@ -345,6 +379,23 @@ pub(crate) mod tests {
             d,
             epsilon: None,
             seed: u64::MAX,
+            axes: BTreeMap::from([
+                ("mcpo.max_kl".to_owned(), AxisValue::Number(d)),
+                ("ppo.normalize_advantages".to_owned(), AxisValue::Truth(Some(true))),
+                ("reward".to_owned(), AxisValue::Text(Some("dense".to_owned()))),
+                ("rollout.steps".to_owned(), AxisValue::Whole(Some(2048))),
+            ]),
+        }
+    }
+
+    #[test]
+    fn no_axis_has_the_name_of_another_column() {
+        let bare = Keys { axes: BTreeMap::new(), ..keys(None) };
+        for frame in [progress_frame(&bare, &[]), evaluation_frame(&bare, &[])] {
+            for name in frame.expect("a frame").get_column_names() {
+                let is_axis = crate::spec::Parameter::find(name).is_some();
+                assert_eq!(is_axis, ["d", "epsilon"].contains(&name.as_str()), "{name}");
+            }
         }
     }
 

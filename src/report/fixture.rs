@@ -114,6 +114,7 @@ pub fn record(run: &Run, results: &Path) {
         d: run.spec.d(),
         epsilon: run.spec.epsilon(),
         seed: run.spec.seed.0,
+        axes: Default::default(),
     };
     let mut manifest = Manifest::new(stamp.clone());
     manifest.outcome = match &run.state {

@@ -8,7 +8,7 @@ use std::{collections::BTreeMap, fs::File, path::Path};
 use polars::prelude::{DataType, ParquetReader, PolarsResult, SerReader};
 
 use crate::{
-    plan::RunSpec,
+    plan::{self, RunSpec},
     record::{Demonstrated, Manifest, Outcome, RecordError, RunPaths, Stamp, rows},
 };
 
@@ -47,7 +47,7 @@ fn load_run(planned: &RunSpec, results: &Path, progress: bool) -> Result<Run, Re
 }
 
 fn recorded_spec(manifest: &Manifest, paths: &RunPaths) -> Result<RunSpec, RecordError> {
-    serde_json::from_value(manifest.stamp.spec.clone()).map_err(|error| RecordError::Malformed {
+    plan::recorded(&manifest.stamp.spec).map_err(|error| RecordError::Malformed {
         path: RunPaths::manifest(&paths.complete),
         expected: "the manifest of a run that this program can read",
         reason: error.to_string(),

@@ -208,6 +208,7 @@ impl Campaign<'_> {
                 worker.last_return = last.then_some(dense_return);
                 self.progress.evaluation(number, env_steps, dense_return);
             }
+            Event::Warned { text } => self.progress.complain(&format!("{}: {text}", self.due[number].spec.id)),
             verdict => worker.verdict = Some(verdict),
         }
     }

@@ -45,6 +45,11 @@ pub enum Event {
         /// Whether it was the last.
         last: bool,
     },
+    /// Something that whoever watches should know, and that is no reason to stop.
+    Warned {
+        /// In a sentence.
+        text: String,
+    },
     /// Everything is recorded.
     Finished,
     /// It was asked to stop, and left a checkpoint.

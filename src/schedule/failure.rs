@@ -59,16 +59,25 @@ pub(super) fn record(
 ) -> Result<Found, RecordError> {
     let paths = &run.paths;
     let Some(_claim) = Claim::take(paths)? else { return Ok(Found::TakenUp) };
+    paths.settle()?;
+    let mut shorter = None;
     match paths.ended()? {
         Some(ended) if ended.stamp.fingerprint != run.stamp.fingerprint => return Ok(Found::Failed),
-        Some(ended) if ended.outcome == Outcome::Finished => return Ok(Found::Finished),
+        Some(ended) if run.is_done(&ended) => return Ok(Found::Finished),
+        // It was to be longer; where it is longer than that already, somebody else saw to it.
+        Some(ended) if ended.outcome == Outcome::Finished => {
+            if ended.env_steps > run.spec.trained_steps() {
+                return Ok(Found::Failed);
+            }
+            shorter = Some(ended);
+        }
         // An attempt that begins moves away what lies in the run's place: this was put there after it.
         Some(_) if env_steps.is_some() => return Ok(Found::TakenUp),
         _ => {}
     }
     paths.open()?;
     let path = RunPaths::manifest(&paths.partial);
-    let mut manifest = match Manifest::read(&path)? {
+    let mut manifest = match Manifest::read(&path)?.or(shorter.map(|shorter| shorter.taken_up(run.stamp.clone()))) {
         Some(manifest) if manifest.stamp.fingerprint != run.stamp.fingerprint => return Ok(Found::Failed),
         found => found.unwrap_or_else(|| Manifest::new(run.stamp.clone())),
     };
@@ -110,7 +119,10 @@ fn tail(path: &Path) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{record::Stamp, schedule::tests::planned};
+    use crate::{
+        record::Stamp,
+        schedule::{state::RunState, tests::planned},
+    };
 
     #[test]
     fn the_cause_is_what_the_process_said_last() {
@@ -163,7 +175,8 @@ mod tests {
         drop(claim);
         let theirs = |outcome| {
             run.paths.open().expect("made");
-            let theirs = Manifest { outcome, ..Manifest::new(run.stamp.clone()) };
+            let env_steps = run.spec.trained_steps();
+            let theirs = Manifest { outcome, env_steps, ..Manifest::new(run.stamp.clone()) };
             run.paths.close(&theirs).expect("closed");
             theirs
         };
@@ -176,5 +189,22 @@ mod tests {
         assert_eq!(record(&run, "boom", &[], Some(7), true).ok(), Some(Found::Finished));
         assert_eq!(record(&other, "boom", &[], Some(7), true).ok(), Some(Found::Failed));
         assert_eq!(run.paths.ended().expect("readable"), Some(finished));
+    }
+
+    #[test]
+    fn the_failure_of_a_longer_run_leaves_the_shorter_one() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let mut run = planned(folder.path(), "a", 0);
+        run.paths.open().expect("made");
+        let shorter = Manifest { outcome: Outcome::Finished, env_steps: 1024, ..Manifest::new(run.stamp.clone()) };
+        run.paths.close(&shorter).expect("closed");
+        run.spec.budget.env_steps = crate::quantity::constant(4096);
+        assert_eq!(record(&run, "boom", &[], Some(2048), true).ok(), Some(Found::Failed));
+        assert_eq!(run.paths.ended().expect("readable"), Some(shorter));
+        let failed = Manifest::read(&RunPaths::manifest(&run.paths.partial)).expect("readable").expect("there");
+        assert_eq!((failed.error(), failed.env_steps), (Some("boom"), 2048));
+        assert!(matches!(run.state(), Ok(RunState::Failed(_))));
+        run.spec.budget.env_steps = crate::quantity::constant(256);
+        assert_eq!(record(&run, "boom", &[], None, true).ok(), Some(Found::Failed), "it is longer than that");
     }
 }

@@ -35,7 +35,7 @@ pub enum Problem {
         /// The keys that differ.
         keys: Vec<String>,
     },
-    /// What is recorded cannot be used.
+    /// What is recorded cannot be used, or is damaged.
     #[error("{reason}; it is left as it is; --fresh sets it aside and runs anew")]
     Unusable {
         /// Why not.
@@ -85,12 +85,7 @@ pub fn plan(specs: Vec<RunSpec>, results: &Path) -> Result<Vec<Planned>, Problem
             }
         });
     }
-    let versions = Versions {
-        algorithm_revision: algo::REVISION,
-        mujoco: env::engine_version().to_owned(),
-        models: env::models_digest(),
-    };
-    let build = Build::current(serde_json::to_value(&versions).unwrap_or_default());
+    let build = Build::current(serde_json::Value::Null);
     let origin = Origin::current();
     let mut planned: Vec<Planned> = Vec::new();
     let mut places: BTreeMap<PathBuf, String> = BTreeMap::new();
@@ -98,12 +93,13 @@ pub fn plan(specs: Vec<RunSpec>, results: &Path) -> Result<Vec<Planned>, Problem
         let path = spec.demonstration.as_ref();
         let (digest, demonstrated) =
             path.and_then(|path| demonstrations.get(&(path.clone(), spec.env))?.clone()).unzip();
+        let versions = versions(&spec);
         let stamp = Stamp {
             spec: serde_json::to_value(&spec).unwrap_or_default(),
             fingerprint: spec.fingerprint(digest.as_deref(), &versions),
             demonstration: digest,
             demonstrated,
-            build: build.clone(),
+            build: Build { versions: serde_json::to_value(&versions).unwrap_or_default(), ..build.clone() },
             origin: Some(origin.clone()),
         };
         match RunPaths::new(results, &spec.experiment, &spec.id) {
@@ -116,6 +112,17 @@ pub fn plan(specs: Vec<RunSpec>, results: &Path) -> Result<Vec<Planned>, Problem
         }
     }
     if problems.is_empty() { Ok(planned) } else { Err(Problems(problems)) }
+}
+
+/// The versions of what `spec` uses.
+fn versions(spec: &RunSpec) -> Versions {
+    let model = env::model_digest(spec.env);
+    Versions {
+        revisions: algo::revision::of(spec.algorithm_name()),
+        env: env::revision(spec.env),
+        mujoco: model.is_some().then(|| env::engine_version().to_owned()),
+        model,
+    }
 }
 
 /// The digest of a demonstration's file and what it holds, once it is known to fit.
@@ -156,7 +163,9 @@ pub fn prepare(planned: &[Planned], results: &Path, fresh: bool) -> Result<Vec<R
                 let folder = if run.paths.complete.exists() { &run.paths.complete } else { &run.paths.partial };
                 problems.push(Problem::Differs { folder: folder.clone(), keys });
             }
-            Ok(RunState::Unusable { reason }) if !fresh => problems.push(Problem::Unusable { reason }),
+            Ok(RunState::Unusable { reason } | RunState::Damaged { reason }) if !fresh => {
+                problems.push(Problem::Unusable { reason })
+            }
             Ok(state) => states.push(state),
         }
     }
@@ -174,9 +183,14 @@ pub fn prepare(planned: &[Planned], results: &Path, fresh: bool) -> Result<Vec<R
         return Err(Problems(problems));
     }
     for (run, state) in planned.iter().zip(&mut states) {
-        if matches!(state, RunState::Differs { .. } | RunState::Unusable { .. }) {
+        if matches!(state, RunState::Differs { .. } | RunState::Unusable { .. } | RunState::Damaged { .. }) {
             set_aside(run).map_err(|problem| Problems(vec![problem]))?;
             *state = RunState::ToDo;
+        }
+        if run.paths.is_unsettled()
+            && let Ok(Some(_claim)) = Claim::take(&run.paths)
+        {
+            run.paths.settle().map_err(|error| Problems(vec![error.into()]))?;
         }
     }
     Ok(states)
@@ -198,6 +212,6 @@ fn bytes_needed(spec: &RunSpec) -> u64 {
     let rows =
         300 * (steps / spec.rollout.steps.get() + steps / spec.evaluation.every.get() * spec.evaluation.episodes.get());
     let kept = spec.checkpoint.keep_policy_every.map_or(0, |every| steps / every.get());
-    // Two networks with two moments each, in two checkpoints while one replaces the other.
-    rows.saturating_add(network.saturating_mul(2 * 3 * 2)).saturating_add(kept.saturating_mul(2 * network))
+    // Two networks with two moments each, in two checkpoints while one replaces the other, and in a shorter run's.
+    rows.saturating_add(network.saturating_mul(2 * 3 * 3)).saturating_add(kept.saturating_mul(2 * network))
 }

@@ -12,8 +12,8 @@ use crate::{
     algo::Agent,
     plan::RunSpec,
     record::{
-        Attempt, Checkpoint, Heartbeat, Manifest, Outcome, RecordError, RunPaths, now, policy, pretrained::pretrained,
-        rows,
+        Attempt, Checkpoint, Heartbeat, Manifest, Outcome, RecordError, RunPaths, TableDigests, now, policy,
+        pretrained::pretrained, rows,
     },
     train::{EvaluationEpisode, Flow, Iteration, RunSink, SinkError, TrainError},
 };
@@ -55,6 +55,8 @@ impl<'a> Recorder<'a> {
             host: manifest.stamp.origin.as_ref().map_or_else(String::new, |origin| origin.host.clone()),
             process: process::id(),
             from_env_steps,
+            cpu_class: manifest.stamp.build.cpu_class.clone(),
+            libm: manifest.stamp.build.libm.clone(),
             error: None,
         });
         // In this order: a run that can be seen to have begun has a log that says so.
@@ -85,6 +87,7 @@ impl<'a> Recorder<'a> {
         let stamp = &self.manifest.stamp;
         rows::write_progress(&RunPaths::progress(folder), &keys, stamp, &self.recorded.iterations)?;
         rows::write_evaluations(&RunPaths::evaluations(folder), &keys, stamp, &self.recorded.evaluations)?;
+        self.manifest.tables = Some(TableDigests::of(folder)?);
         self.manifest.env_steps = self.recorded.env_steps();
         self.manifest.seconds = self.seconds();
         self.manifest.outcome = Outcome::Finished;
@@ -136,7 +139,9 @@ impl RunSink for Recorder<'_> {
         self.heartbeat().map_err(sink_error)?;
         let heard = tell(&Event::Iteration { env_steps: row.env_steps, training_return: row.training_return });
         let stop = self.stop.is_made() || !heard;
-        if stop || self.last_checkpoint.elapsed().as_secs_f64() >= self.spec.checkpoint.every_seconds.get() {
+        // The last one is kept: from it the run goes on when it is to be longer.
+        let ends = row.env_steps >= self.spec.budget.env_steps.get();
+        if stop || ends || self.last_checkpoint.elapsed().as_secs_f64() >= self.spec.checkpoint.every_seconds.get() {
             self.checkpoint(state).map_err(sink_error)?;
         }
         Ok(if stop { Flow::Stop } else { Flow::Continue })
@@ -170,7 +175,7 @@ impl RunSink for Recorder<'_> {
         key: &str,
         train: &mut dyn FnMut() -> Result<Agent, TrainError>,
     ) -> Result<Agent, TrainError> {
-        pretrained(&self.paths.pretrained, key, &self.manifest.stamp.build.cpu_class, train)
+        pretrained(&self.paths.pretrained, key, self.manifest.stamp.build.machine(), train)
     }
 }
 

@@ -1,5 +1,7 @@
 //! What has become of a run so far, from what lies on the disk.
 
+use std::cmp::Ordering;
+
 use crate::{
     plan::{self, RunSpec},
     record::{Checkpoint, Claim, Heartbeat, Manifest, Outcome, RecordError, RunPaths, Stamp},
@@ -33,6 +35,13 @@ pub enum RunState {
     Running(Option<Heartbeat>),
     /// It is recorded.
     Finished(Manifest),
+    /// It finished with fewer steps than are asked for now.
+    ToExtend {
+        /// What is recorded of the shorter run.
+        shorter: Manifest,
+        /// The environment steps that it goes on from; absent where its last state is not kept, so that it begins anew.
+        env_steps: Option<u64>,
+    },
     /// It ended in an error; the next call tries again.
     Failed(Manifest),
     /// What is recorded was another specification.
@@ -40,11 +49,38 @@ pub enum RunState {
         /// The keys that differ, as `key: recorded, and now asked for`.
         keys: Vec<String>,
     },
-    /// What is recorded cannot be read.
+    /// What is recorded is not whole.
+    Damaged {
+        /// What shows it.
+        reason: String,
+    },
+    /// What is recorded is of another program.
     Unusable {
         /// Why not.
         reason: String,
     },
+}
+
+/// From what a run goes on.
+#[derive(Debug, Default)]
+pub struct LastState {
+    /// The checkpoint that has come farthest.
+    pub checkpoint: Option<Checkpoint>,
+    /// Those that cannot be used any more, as errors.
+    pub damaged: Vec<RecordError>,
+}
+
+impl RunState {
+    /// The steps that are recorded and count.
+    pub fn steps_done(&self) -> u64 {
+        match self {
+            Self::Interrupted { env_steps } => *env_steps,
+            Self::ToExtend { env_steps, .. } => env_steps.unwrap_or(0),
+            Self::Running(heartbeat) => heartbeat.as_ref().map_or(0, |heartbeat| heartbeat.env_steps),
+            Self::Finished(manifest) => manifest.env_steps,
+            Self::ToDo | Self::Failed(_) | Self::Differs { .. } | Self::Damaged { .. } | Self::Unusable { .. } => 0,
+        }
+    }
 }
 
 impl Planned {
@@ -55,37 +91,92 @@ impl Planned {
         let held = Claim::is_held(&self.paths)?;
         match self.recorded(held) {
             Err(error @ RecordError::Malformed { .. }) => Ok(RunState::Unusable { reason: error.to_string() }),
+            Err(error @ RecordError::Damaged { .. }) => Ok(RunState::Damaged { reason: error.to_string() }),
             state => state,
         }
     }
 
     fn recorded(&self, held: bool) -> Result<RunState, RecordError> {
-        if let Some(manifest) = self.paths.ended()? {
-            if let Some(differs) = self.differs(&manifest) {
-                return Ok(differs);
-            }
-            return Ok(match manifest.outcome {
-                Outcome::Finished => RunState::Finished(manifest),
-                // Killed between its last word and the renaming, or taken up again at this very instant.
-                Outcome::Failed { .. } | Outcome::Begun => RunState::Failed(manifest),
-            });
+        let ended = self.paths.ended()?;
+        if let Some(differs) = ended.as_ref().and_then(|ended| self.differs(ended)) {
+            return Ok(differs);
         }
-        let manifest = Manifest::read(&RunPaths::manifest(&self.paths.partial))?;
-        if let Some(differs) = manifest.as_ref().and_then(|manifest| self.differs(manifest)) {
+        let shorter = match ended {
+            Some(ended) if ended.outcome == Outcome::Finished => {
+                ended.check_tables(&self.paths.complete)?;
+                match self.spec.trained_steps().cmp(&ended.env_steps) {
+                    Ordering::Equal => return Ok(RunState::Finished(ended)),
+                    Ordering::Less => return Ok(self.is_longer(&ended.stamp, ended.env_steps)),
+                    Ordering::Greater => Some(ended),
+                }
+            }
+            // Killed between its last word and the renaming, or taken up again at this very instant.
+            Some(ended) => {
+                self.last_state()?;
+                return Ok(RunState::Failed(ended));
+            }
+            None => None,
+        };
+        let under_way = Manifest::read(&RunPaths::manifest(&self.paths.partial))?;
+        if let Some(differs) = under_way.as_ref().and_then(|manifest| self.differs(manifest)) {
             return Ok(differs);
         }
         if held {
             return Ok(RunState::Running(Heartbeat::read(&RunPaths::heartbeat(&self.paths.partial))));
         }
-        let checkpoint = Checkpoint::read(&RunPaths::checkpoint(&self.paths.partial), &self.stamp.fingerprint)?;
-        Ok(checkpoint.map_or(RunState::ToDo, |checkpoint| RunState::Interrupted { env_steps: checkpoint.env_steps() }))
+        let env_steps = self.last_state()?.checkpoint.map(|checkpoint| checkpoint.env_steps());
+        Ok(match (under_way, shorter, env_steps) {
+            (Some(manifest), ..) if manifest.error().is_some() => RunState::Failed(manifest),
+            (Some(manifest), _, Some(env_steps)) if env_steps > self.spec.trained_steps() => {
+                self.is_longer(&manifest.stamp, env_steps)
+            }
+            (_, Some(shorter), env_steps) => RunState::ToExtend { shorter, env_steps },
+            (_, None, Some(env_steps)) => RunState::Interrupted { env_steps },
+            (_, None, None) => RunState::ToDo,
+        })
+    }
+
+    /// From what it would go on, wherever that lies.
+    ///
+    /// Errors: a checkpoint is of another program or run, or the system refuses to read it.
+    pub fn last_state(&self) -> Result<LastState, RecordError> {
+        let mut last = LastState::default();
+        for folder in [&self.paths.partial, &self.paths.complete] {
+            for path in [RunPaths::checkpoint(folder), RunPaths::kept_state(folder)] {
+                match Checkpoint::read(&path, &self.stamp.fingerprint) {
+                    Ok(found) => {
+                        let steps = |checkpoint: &Option<Checkpoint>| checkpoint.as_ref().map(Checkpoint::env_steps);
+                        if steps(&found) > steps(&last.checkpoint) {
+                            last.checkpoint = found;
+                        }
+                    }
+                    Err(error @ RecordError::Damaged { .. }) => last.damaged.push(error),
+                    Err(error) => return Err(error),
+                }
+            }
+        }
+        Ok(last)
+    }
+
+    /// Whether `manifest` says that it finished, with as many steps as are asked for.
+    pub fn is_done(&self, manifest: &Manifest) -> bool {
+        manifest.outcome == Outcome::Finished && manifest.env_steps == self.spec.trained_steps()
+    }
+
+    /// Lets the run be evaluated under way when and as it was before it went on from what `recorded` names, so that its
+    /// evaluations are those of one run. The last evaluation is still to come, and is as asked for.
+    pub fn keep_evaluating_as(&mut self, recorded: &Stamp) {
+        let Ok(before) = plan::recorded(&recorded.spec) else { return };
+        self.spec.evaluation.every = before.evaluation.every;
+        self.spec.evaluation.episodes = before.evaluation.episodes;
+        self.stamp.spec = serde_json::to_value(&self.spec).unwrap_or_default();
     }
 
     fn differs(&self, manifest: &Manifest) -> Option<RunState> {
         if manifest.stamp.fingerprint == self.stamp.fingerprint {
             return None;
         }
-        let mut keys = self.differences(&manifest.stamp);
+        let mut keys = self.training_differences(&manifest.stamp);
         let (before, after) = (&manifest.stamp.build.versions, &self.stamp.build.versions);
         keys.extend((before != after).then(|| format!("versions: {before} -> {after}")));
         if keys.is_empty() {
@@ -95,10 +186,34 @@ impl Planned {
         Some(RunState::Differs { keys })
     }
 
-    /// In what this run differs from the one that left `recorded`, the versions of what computes it apart; empty when it is the
-    /// same run.
+    fn is_longer(&self, recorded: &Stamp, env_steps: u64) -> RunState {
+        let keys = match plan::recorded(&recorded.spec) {
+            Ok(before) => vec![budgets(&before, &self.spec)],
+            Err(_) => vec![format!("{env_steps} steps that are recorded, more than are asked for")],
+        };
+        RunState::Differs { keys }
+    }
+
+    /// In what this run differs from the one that left `recorded`, the versions of what computes it apart; empty when its files
+    /// would be the same.
     pub fn differences(&self, recorded: &Stamp) -> Vec<String> {
-        let mut keys = match serde_json::from_value(recorded.spec.clone()) {
+        let mut keys = self.training_differences(recorded);
+        if let Ok(before) = plan::recorded(&recorded.spec) {
+            keys.extend(plan::evaluated_otherwise(&before, &self.spec));
+            keys.extend((before.trained_steps() != self.spec.trained_steps()).then(|| budgets(&before, &self.spec)));
+        }
+        keys
+    }
+
+    /// In what this run's evaluations differ from those of the one that left `recorded`.
+    pub fn evaluated_otherwise(&self, recorded: &Stamp) -> Vec<String> {
+        plan::recorded(&recorded.spec)
+            .map_or_else(|_| Vec::new(), |before| plan::evaluated_otherwise(&before, &self.spec))
+    }
+
+    /// In what this run's training differs from that of the one that left `recorded`.
+    fn training_differences(&self, recorded: &Stamp) -> Vec<String> {
+        let mut keys = match plan::recorded(&recorded.spec) {
             Ok(recorded) => plan::differences(&recorded, &self.spec),
             Err(_) => vec!["the specification's format".to_owned()],
         };
@@ -108,24 +223,94 @@ impl Planned {
     }
 }
 
+/// Both budgets, as differences are told.
+fn budgets(before: &RunSpec, after: &RunSpec) -> String {
+    format!("budget.env_steps: {} -> {}", before.budget.env_steps.get(), after.budget.env_steps.get())
+}
+
 #[cfg(test)]
 mod tests {
     use std::fs;
 
     use super::*;
-    use crate::{quantity::constant, schedule::tests::planned};
+    use crate::{
+        quantity::constant,
+        record::{TableDigests, rows::tests::iteration},
+        schedule::tests::planned,
+    };
+
+    /// `run`, finished with 1,024 steps.
+    fn finish(run: &Planned) {
+        run.paths.open().expect("made");
+        let manifest = Manifest { outcome: Outcome::Finished, env_steps: 1024, ..Manifest::new(run.stamp.clone()) };
+        run.paths.close(&manifest).expect("closed");
+    }
 
     #[test]
     fn what_was_another_run_is_told_by_the_keys_that_differ() {
         let folder = tempfile::tempdir().expect("a folder");
         let mut run = planned(folder.path(), "e", 0);
-        run.paths.open().expect("made");
-        run.paths.close(&Manifest { outcome: Outcome::Finished, ..Manifest::new(run.stamp.clone()) }).expect("closed");
+        finish(&run);
         assert!(matches!(run.state(), Ok(RunState::Finished(_))));
-        run.spec.budget.env_steps = constant(2048);
+        run.spec.max_steps = 7;
         run.stamp.fingerprint = "another".to_owned();
         let Ok(RunState::Differs { keys }) = run.state() else { panic!("{:?}", run.state()) };
-        assert_eq!(keys, ["budget.env_steps: 1024 -> 2048"]);
+        assert_eq!(keys, ["max_steps: 1000 -> 7"]);
+    }
+
+    #[test]
+    fn another_budget_makes_a_finished_run_one_to_extend_or_one_that_is_longer() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let mut run = planned(folder.path(), "e", 0);
+        finish(&run);
+        run.spec.budget.env_steps = constant(900);
+        assert!(matches!(run.state(), Ok(RunState::Finished(_))), "it takes the same rollouts");
+        run.spec.budget.env_steps = constant(700);
+        let Ok(RunState::Differs { keys }) = run.state() else { panic!("{:?}", run.state()) };
+        assert_eq!(keys, ["budget.env_steps: 1024 -> 700"]);
+        run.spec.budget.env_steps = constant(2000);
+        assert_eq!(run.spec.trained_steps(), 2048);
+        let from = |state| match state {
+            Ok(RunState::ToExtend { shorter, env_steps }) => {
+                assert_eq!(shorter.env_steps, 1024);
+                env_steps
+            }
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(from(run.state()), None, "its last state is not kept");
+        let checkpoint = |n| Checkpoint { iterations: vec![iteration(n)], ..Checkpoint::default() };
+        checkpoint(10).write(&RunPaths::kept_state(&run.paths.complete), &run.stamp.fingerprint).expect("written");
+        assert_eq!(from(run.state()), Some(1000));
+        run.paths.open().expect("taken up");
+        Manifest::new(run.stamp.clone()).write(&RunPaths::manifest(&run.paths.partial)).expect("written");
+        let own = RunPaths::checkpoint(&run.paths.partial);
+        for (n, expected) in [(3, 1000), (12, 1200)] {
+            checkpoint(n).write(&own, &run.stamp.fingerprint).expect("written");
+            assert_eq!(from(run.state()), Some(expected), "the farthest counts");
+        }
+        fs::write(&own, "mcpo-run checkpoint half").expect("written");
+        assert_eq!(from(run.state()), Some(1000), "a damaged one does not");
+        run.spec.budget.env_steps = constant(1024);
+        assert!(matches!(run.state(), Ok(RunState::Finished(_))), "it is as it was");
+    }
+
+    #[test]
+    fn other_evaluations_are_no_other_run_and_a_damaged_table_is_told() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let mut run = planned(folder.path(), "e", 0);
+        run.paths.open().expect("made");
+        for table in [RunPaths::progress, RunPaths::evaluations] {
+            fs::write(table(&run.paths.partial), "rows").expect("written");
+        }
+        let tables = Some(TableDigests::of(&run.paths.partial).expect("there"));
+        let manifest = Manifest { outcome: Outcome::Finished, env_steps: 1024, ..Manifest::new(run.stamp.clone()) };
+        run.paths.close(&Manifest { tables, ..manifest }).expect("closed");
+        run.spec.evaluation.final_episodes = constant(3);
+        assert!(matches!(run.state(), Ok(RunState::Finished(_))));
+        assert_eq!(run.evaluated_otherwise(&run.stamp), ["evaluation.final_episodes: 50 -> 3"]);
+        fs::write(RunPaths::evaluations(&run.paths.complete), "rowz").expect("written");
+        let Ok(RunState::Damaged { reason }) = run.state() else { panic!("{:?}", run.state()) };
+        assert!(reason.contains("evaluations.parquet"), "{reason}");
     }
 
     #[test]

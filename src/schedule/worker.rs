@@ -1,6 +1,7 @@
 //! The worker process: reads a job from stdin, trains and records the run, and tells events on stdout.
 
 use std::{
+    cmp::Ordering,
     fs::{self, OpenOptions},
     io::{self, BufRead, Read, Write},
     mem,
@@ -10,19 +11,20 @@ use std::{
     thread,
 };
 
-use tracing::{Level, error};
+use tracing::{Level, error, warn};
 
 use super::{
     event::{Event, Job},
     preflight,
     recorder::Recorder,
+    state::{LastState, Planned},
     stop::{INTERRUPTED, StopRequest},
 };
 use crate::{
     arithmetic::threads,
     demo::DemoError,
     plan::RunSpec,
-    record::{Checkpoint, Claim, Manifest, Outcome, RecordError, RunPaths, Stamp, now},
+    record::{Checkpoint, Claim, Manifest, Outcome, RecordError, RunPaths, Stamp, io_error, now},
     train::{self, Ending, TrainError},
 };
 
@@ -39,6 +41,8 @@ enum WorkerError {
     Train(#[from] TrainError),
     #[error("{} was recorded by another specification (fingerprint {found}; this one has {expected})", folder.display())]
     AnotherRun { folder: PathBuf, found: String, expected: String },
+    #[error("{} holds a run that is longer than this one: {} steps are recorded", .0.display(), .1)]
+    Longer(PathBuf, u64),
     #[error(transparent)]
     Demonstration(#[from] DemoError),
     #[error("{} is not the demonstration that it was when the program was called", .0.display())]
@@ -75,36 +79,64 @@ fn work() -> Result<Event, WorkerError> {
     let spec: RunSpec =
         serde_json::from_value(job.stamp.spec.clone()).map_err(|error| WorkerError::Job(error.to_string()))?;
     let paths = RunPaths::new(&job.results, &spec.experiment, &spec.id)?;
-    let Some(_claim) = Claim::take(&paths)? else { return Ok(Event::Claimed) };
-    if let Some(ended) = paths.ended()? {
-        refuse_another(&paths.complete, &ended, &job.stamp)?;
+    let mut run = Planned { spec, paths, stamp: job.stamp };
+    let Some(_claim) = Claim::take(&run.paths)? else { return Ok(Event::Claimed) };
+    run.paths.settle()?;
+    let ended = run.paths.ended()?;
+    if let Some(ended) = &ended {
+        refuse_another(&run.paths.complete, ended, &run.stamp)?;
         if ended.outcome == Outcome::Finished {
-            return Ok(Event::Finished);
+            match run.spec.trained_steps().cmp(&ended.env_steps) {
+                Ordering::Equal => return Ok(Event::Finished),
+                Ordering::Less => return Err(WorkerError::Longer(run.paths.complete, ended.env_steps)),
+                Ordering::Greater => {}
+            }
         }
     }
-    if let Some((path, digest)) = spec.demonstration.as_ref().zip(job.stamp.demonstration.as_ref())
+    if let Some((path, digest)) = run.spec.demonstration.as_ref().zip(run.stamp.demonstration.as_ref())
         && preflight::content(path)? != *digest
     {
         return Err(WorkerError::AnotherDemonstration(path.clone()));
     }
-    paths.open()?;
-    start_log(&paths, job.verbose)?;
-    let manifest = match Manifest::read(&RunPaths::manifest(&paths.partial))? {
+    run.paths.open()?;
+    start_log(&run.paths, job.verbose)?;
+    let mut recorded = last_state(&run)?;
+    // Of a run that has finished and is to be longer, its own manifest goes on.
+    let manifest = match Manifest::read(&RunPaths::manifest(&run.paths.partial))?.or(ended) {
         Some(found) => {
-            refuse_another(&paths.partial, &found, &job.stamp)?;
-            Manifest { stamp: job.stamp, outcome: Outcome::Begun, ..found }
+            refuse_another(&run.paths.partial, &found, &run.stamp)?;
+            if recorded.env_steps() > 0 {
+                run.keep_evaluating_as(&found.stamp);
+            }
+            found.taken_up(run.stamp)
         }
-        None => Manifest::new(job.stamp),
+        None => Manifest::new(run.stamp),
     };
-    let checkpoint = Checkpoint::read(&RunPaths::checkpoint(&paths.partial), &manifest.stamp.fingerprint)?;
-    let mut recorded = checkpoint.unwrap_or_default();
     let state = Some(mem::take(&mut recorded.state)).filter(|state| !state.is_empty());
     threads::set(job.threads);
-    let mut recorder = Recorder::begin(&spec, paths, stop, manifest, recorded)?;
-    Ok(match train::run(&spec, state.as_deref(), &mut recorder)? {
+    let mut recorder = Recorder::begin(&run.spec, run.paths, stop, manifest, recorded)?;
+    Ok(match train::run(&run.spec, state.as_deref(), &mut recorder)? {
         Ending::Finished => recorder.finish()?,
         Ending::Stopped => recorder.stop()?,
     })
+}
+
+/// What `run` goes on from: nothing, at its start. A damaged checkpoint is set aside, and told.
+fn last_state(run: &Planned) -> Result<Checkpoint, WorkerError> {
+    let LastState { checkpoint, damaged } = run.last_state()?;
+    for error in damaged {
+        let RecordError::Damaged { path, .. } = &error else { continue };
+        let aside = path.with_extension("damaged");
+        fs::rename(path, &aside).map_err(io_error("rename", path))?;
+        let text = format!("{error}; it is kept as {}, and the run goes on from what else there is", aside.display());
+        warn!("{text}");
+        tell(&Event::Warned { text });
+    }
+    let checkpoint = checkpoint.unwrap_or_default();
+    if checkpoint.env_steps() > run.spec.trained_steps() {
+        return Err(WorkerError::Longer(run.paths.partial.clone(), checkpoint.env_steps()));
+    }
+    Ok(checkpoint)
 }
 
 /// The job on stdin's first line. When stdin ends after it, a stop is asked for.

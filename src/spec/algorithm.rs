@@ -143,6 +143,11 @@ impl Algorithm {
         self.entry().dense
     }
 
+    /// Whether it takes steps of training in the environment; the others are evaluated alone.
+    pub fn trains(&self) -> bool {
+        !matches!(self, Self::Bc(_) | Self::Random(_))
+    }
+
     /// Its hyperparameters as TOML.
     pub fn hyperparameters(&self) -> toml::Table {
         let mut tagged = toml::Table::try_from(self).expect("hyperparameters are tables of numbers, names and lists");

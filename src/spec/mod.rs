@@ -27,7 +27,7 @@ use std::{
 pub use algorithm::Algorithm;
 pub use error::{Place, SpecError, SpecErrors};
 pub use figure::{Figure, Table};
-pub(crate) use parameter::Parameter;
+pub(crate) use parameter::{Kind, Parameter};
 pub use resolve::ResolveError;
 pub use schema::schema;
 pub use selection::{Selection, SelectionError};

@@ -18,6 +18,19 @@ pub(crate) enum Parameter {
     },
 }
 
+/// What the values of a parameter are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Kind {
+    /// Any number.
+    Number,
+    /// A whole number.
+    Whole,
+    /// True or false.
+    Truth,
+    /// A word, a list or a choice.
+    Text,
+}
+
 impl Parameter {
     /// The parameter called `name`; `None` when there is none.
     pub(crate) fn find(name: &str) -> Option<Self> {
@@ -67,6 +80,29 @@ impl Parameter {
         }
     }
 
+    /// What its values are.
+    pub(crate) fn kind(&self) -> Kind {
+        let catalog = Catalog::get();
+        let mut algorithms = catalog.algorithms();
+        let (section, key) = match self {
+            Self::Setting(key) => (Some(&catalog.settings), key),
+            Self::Shared(key) => (algorithms.map(|(_, section)| section).find(|section| has(section, key)), key),
+            Self::Own { algorithm, key } => {
+                (algorithms.find(|(name, _)| name == algorithm).map(|(_, section)| section), key)
+            }
+        };
+        let path: Vec<&str> = key.split('.').collect();
+        let schema = section.and_then(|section| section.schema(&path));
+        let types = schema.map_or(&serde_json::Value::Null, |schema| &schema["type"]);
+        // What may be absent is `["number", "null"]`.
+        match types.as_str().or_else(|| types.as_array()?.first()?.as_str()) {
+            Some("number") => Kind::Number,
+            Some("integer") => Kind::Whole,
+            Some("boolean") => Kind::Truth,
+            _ => Kind::Text,
+        }
+    }
+
     /// Whether runs of `algorithm` have it.
     pub(crate) fn applies_to(&self, algorithm: &str) -> bool {
         matches!(self, Self::Setting(_)) || self.hyperparameter_of(algorithm).is_some()
@@ -94,6 +130,24 @@ mod tests {
         assert_eq!(Parameter::find("mcpo.mmd.samples"), Some(own));
         for name in Parameter::names() {
             assert!(Parameter::find(&name).is_some(), "{name}");
+        }
+    }
+
+    #[test]
+    fn a_parameter_is_of_the_kind_that_its_values_are() {
+        for (name, kind) in [
+            ("d", Kind::Number),
+            ("mcpo.max_d", Kind::Number),
+            ("mcpo.max_kl", Kind::Number),
+            ("rollout.steps", Kind::Whole),
+            ("checkpoint.keep_policy_every", Kind::Whole),
+            ("ppo.normalize_advantages", Kind::Truth),
+            ("mmd.samples", Kind::Text),
+            ("mmd.bandwidth", Kind::Text),
+            ("reward", Kind::Text),
+            ("network.hidden", Kind::Text),
+        ] {
+            assert_eq!(Parameter::find(name).expect("known").kind(), kind, "{name}");
         }
     }
 

@@ -87,8 +87,7 @@ fn settings(env: EnvId, given: toml::Table) -> Result<Option<Settings>, toml::de
     Catalog::get().settings.merge(&mut table, &given);
     let mut settings: Settings = table.try_into()?;
     if !evaluation_given {
-        settings.evaluation.every =
-            Settings::evaluate_every(settings.budget.env_steps, settings.evaluation.episodes, settings.max_steps);
+        settings.evaluation.every = Settings::evaluate_every(settings.evaluation.episodes, settings.max_steps);
     }
     Ok(Some(settings))
 }

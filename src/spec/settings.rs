@@ -54,8 +54,8 @@ pub struct Rollout {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Evaluation {
-    /// Environment steps of training between two evaluations; the last policy is evaluated in any case. Default a
-    /// fiftieth of the budget, but no less than ten times the steps that one evaluation can take.
+    /// Environment steps of training between two evaluations; the last policy is evaluated in any case. Default
+    /// 20,000, but no less than ten times the steps that one evaluation can take.
     pub every: EnvSteps,
     /// Episodes of each evaluation under way. Default 2.
     pub episodes: Count,
@@ -91,8 +91,8 @@ impl Settings {
     pub(super) const DEMONSTRATIONS: &str = "demos/{env}.parquet";
     /// The share of training steps that evaluations under way may take, as one part in so many.
     const EVALUATION_PART: u64 = 10;
-    /// The points of a learning curve where the budget allows.
-    const EVALUATIONS: u64 = 50;
+    /// Steps between two evaluations where these cost little: a hundred points in a learning curve of 2 million steps.
+    const EVALUATE_EVERY: u64 = 20_000;
 
     /// The defaults for `env` under a budget of `env_steps`.
     pub fn for_env(env: EnvId, env_steps: EnvSteps) -> Self {
@@ -108,7 +108,7 @@ impl Settings {
                 environments: constant(8),
             },
             evaluation: Evaluation {
-                every: Self::evaluate_every(env_steps, episodes, max_steps),
+                every: Self::evaluate_every(episodes, max_steps),
                 episodes,
                 final_episodes: constant(50),
             },
@@ -121,11 +121,12 @@ impl Settings {
         }
     }
 
-    /// The default of `evaluation.every`: a fiftieth of the budget, unless evaluations would then cost more than a tenth
-    /// of training's steps.
-    pub(super) fn evaluate_every(env_steps: EnvSteps, episodes: Count, max_steps: Count) -> EnvSteps {
+    /// The default of `evaluation.every`: the same whatever the budget, so that a run that is made longer is evaluated at the
+    /// same steps as one that was longer from the start; and never such that evaluations cost more than a tenth of training's
+    /// steps.
+    pub(super) fn evaluate_every(episodes: Count, max_steps: Count) -> EnvSteps {
         let longest = episodes.get().saturating_mul(max_steps.get());
-        count((env_steps.get() / Self::EVALUATIONS).max(longest.saturating_mul(Self::EVALUATION_PART)))
+        count(Self::EVALUATE_EVERY.max(longest.saturating_mul(Self::EVALUATION_PART)))
     }
 }
 
@@ -146,7 +147,8 @@ mod tests {
             let cost = evaluations * settings.evaluation.episodes.get() * settings.max_steps.get();
             assert!(cost * 10 <= settings.budget.env_steps.get(), "{cost} of {env_steps}");
         }
-        assert_eq!(Settings::for_env(EnvId::Hopper, constant(3_000_000)).evaluation.every, constant(60_000));
+        assert_eq!(Settings::evaluate_every(constant(10), constant(1000)), constant(100_000));
+        assert_eq!(Settings::evaluate_every(constant(1), constant(200)), constant(20_000));
     }
 
     #[test]

@@ -12,6 +12,9 @@ use crate::{
     rng::{Rng, Seed, Stream},
 };
 
+/// The index of the evaluation at the end of training, the same however many there were before it.
+pub const LAST: u32 = u16::MAX as u32;
+
 /// The `index`-th evaluation of the run of `seed`, after `env_steps`: `count` episodes whose initial states depend on these
 /// alone, so that all runs of a seed are evaluated on the same ones.
 ///

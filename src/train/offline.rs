@@ -12,7 +12,7 @@ pub fn run(spec: &RunSpec, agent: Option<&Agent>, sink: &mut dyn RunSink) -> Res
     let mut uniform = spec.seed.stream(Stream::Action, 0);
     let mut actor = agent.map_or(Actor::Uniform(&mut uniform), Actor::MeanAction);
     let count = spec.evaluation.final_episodes.get();
-    sink.evaluation(&evaluate::evaluation(&mut actor, &mut tasks, spec.seed, 0, 0, count, true)?)?;
+    sink.evaluation(&evaluate::evaluation(&mut actor, &mut tasks, spec.seed, evaluate::LAST, 0, count, true)?)?;
     if let Some(agent) = agent {
         sink.policy(0, true, agent)?;
     }

@@ -1,6 +1,6 @@
 //! The training loop of every algorithm that learns from its own rollouts.
 
-use std::time::Instant;
+use std::{mem, time::Instant};
 
 use serde::{Deserialize, Serialize};
 
@@ -30,7 +30,10 @@ struct Training<'a> {
 struct Progress {
     iteration: u64,
     env_steps: u64,
+    /// How many there were under way.
     evaluations: u32,
+    /// Whether the policy is evaluated before training goes on; it does not where the budget ends here.
+    evaluation_due: bool,
     updates: Rng,
 }
 
@@ -41,7 +44,8 @@ struct Saved {
     rollout: RolloutState,
 }
 
-/// Trains `algorithm` on `spec` from its start or from `checkpoint`.
+/// Trains `algorithm` on `spec` from its start or from `checkpoint`, which may be the last of a run with a smaller budget: no
+/// step before the budget's end depends on it.
 pub fn run(
     spec: &RunSpec,
     algorithm: Box<dyn OnPolicy>,
@@ -49,9 +53,8 @@ pub fn run(
     sink: &mut dyn RunSink,
 ) -> Result<Ending, TrainError> {
     let mut training = Training::new(spec, algorithm)?;
-    match checkpoint {
-        Some(bytes) => training.restore(bytes)?,
-        None => training.evaluate(sink, false)?,
+    if let Some(bytes) = checkpoint {
+        training.restore(bytes)?;
     }
     while training.progress.env_steps < spec.budget.env_steps.get() {
         if training.iterate(sink)? == Flow::Stop {
@@ -75,14 +78,17 @@ impl<'a> Training<'a> {
                 iteration: 0,
                 env_steps: 0,
                 evaluations: 0,
+                evaluation_due: true,
                 updates: spec.seed.stream(Stream::Update, 0),
             },
         })
     }
 
-    /// One rollout, one update, and what is due after them. Evaluations come before the checkpoint, so that a resumed run
-    /// has either all of an iteration or none of it.
+    /// The evaluation that is due, one rollout and one update.
     fn iterate(&mut self, sink: &mut dyn RunSink) -> Result<Flow, TrainError> {
+        if mem::take(&mut self.progress.evaluation_due) {
+            self.evaluate(sink, false)?;
+        }
         let spec = self.spec;
         let environments = spec.rollout.environments.size();
         let began = Instant::now();
@@ -102,10 +108,7 @@ impl<'a> Training<'a> {
 
         let after = self.progress.env_steps;
         let due = |every: u64| before / every < after / every;
-        let ends = after >= spec.budget.env_steps.get();
-        if !ends && due(spec.evaluation.every.get()) {
-            self.evaluate(sink, false)?;
-        }
+        self.progress.evaluation_due = due(spec.evaluation.every.get());
         if spec.checkpoint.keep_policy_every.is_some_and(|every| due(every.get())) {
             sink.policy(after, false, self.algorithm.agent())?;
         }
@@ -130,12 +133,16 @@ impl<'a> Training<'a> {
 
     fn evaluate(&mut self, sink: &mut dyn RunSink, last: bool) -> Result<(), TrainError> {
         let evaluation = &self.spec.evaluation;
-        let count = if last { evaluation.final_episodes } else { evaluation.episodes }.get();
-        let index = self.progress.evaluations;
-        self.progress.evaluations += 1;
+        let (count, index) = if last {
+            (evaluation.final_episodes, evaluate::LAST)
+        } else {
+            self.progress.evaluations += 1;
+            (evaluation.episodes, self.progress.evaluations - 1)
+        };
         let actor = &mut Actor::MeanAction(self.algorithm.agent());
         let (seed, env_steps) = (self.spec.seed, self.progress.env_steps);
-        let episodes = evaluate::evaluation(actor, &mut self.evaluation_tasks, seed, index, env_steps, count, last)?;
+        let episodes =
+            evaluate::evaluation(actor, &mut self.evaluation_tasks, seed, index, env_steps, count.get(), last)?;
         Ok(sink.evaluation(&episodes)?)
     }
 

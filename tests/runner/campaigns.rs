@@ -25,7 +25,14 @@ fn a_matrix_is_run_and_recorded_and_skipped_the_next_time() {
         assert_eq!((keys.run.as_str(), keys.algorithm.as_str(), keys.d), (id, "ppo", None));
         assert!(!bench.run("results", id).partial.exists());
         let names: BTreeSet<_> = fs::read_dir(&folder).expect("readable").map(|e| e.expect("e").file_name()).collect();
-        let expected = ["evaluations.parquet", "log.txt", "policy.safetensors", "progress.parquet", "run.json"];
+        let expected = [
+            "evaluations.parquet",
+            "log.txt",
+            "policy.safetensors",
+            "progress.parquet",
+            "run.json",
+            "state.checkpoint",
+        ];
         assert_eq!(names, expected.into_iter().map(Into::into).collect());
     }
     let before = snapshot(&bench.path("results/tiny/runs"));
@@ -140,7 +147,7 @@ fn what_is_recorded_can_be_shown_and_played() {
     for file in ["progress.parquet", "evaluations.parquet", "policy.safetensors", "run.json", "log.txt"] {
         let path = run.join(file);
         let (stdout, _) = bench.expect(0, &["show", path.to_str().expect("text")]);
-        for expected in [CAR, "fingerprint", "cpu class", "mujoco", "--only seed=1", "\"minibatch\": 64"] {
+        for expected in [CAR, "fingerprint", "cpu class", "\"ppo\":1", "--only seed=1", "\"minibatch\": 64"] {
             assert!(stdout.contains(expected), "{file}: no {expected} in\n{stdout}");
         }
     }

@@ -38,6 +38,9 @@ fn killed_at_any_instant_a_run_goes_on_to_the_same_values() {
     for pause in [0, 30, 55, 80, 105, 130, 155, 180, 210] {
         let child = bench.start(&ONE);
         let worker = bench.worker("disturbed", PENDULUM);
+        if killed > 2 {
+            bench.wait_for_checkpoint("disturbed", PENDULUM); // the first ones may come before there is any
+        }
         thread::sleep(Duration::from_millis(pause));
         if !signal("KILL", worker) {
             break; // it had finished
@@ -144,6 +147,42 @@ fn a_checkpoint_of_another_version_is_refused_and_kept() {
     assert_eq!(fs::read_to_string(&path).expect("kept"), older);
     bench.expect(0, &[&ONE[..], &["--fresh"]].concat());
     assert_same_run(&bench);
+}
+
+#[test]
+fn a_damaged_checkpoint_is_set_aside_and_told_and_the_run_begins_again() {
+    let bench = with_whole_run();
+    let child = bench.start(&ONE);
+    let worker = bench.worker("disturbed", PENDULUM);
+    bench.wait_for_checkpoint("disturbed", PENDULUM);
+    assert!(signal("KILL", worker), "it was over before");
+    texts(&child.wait_with_output().expect("it ends"), 1, &ONE);
+    let folder = bench.run("disturbed", PENDULUM).complete;
+    let path = RunPaths::checkpoint(&folder);
+    let mut bytes = fs::read(&path).expect("a failed run keeps it");
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    fs::write(&path, &bytes).expect("written");
+    let (_, stderr) = bench.expect(0, &ONE);
+    assert!(stderr.contains("checkpoint is damaged") && stderr.contains("checkpoint.damaged"), "{stderr}");
+    assert_same_run(&bench);
+    assert_eq!(fs::read(folder.join("checkpoint.damaged")).expect("kept"), bytes);
+    assert_eq!(bench.manifest("disturbed", PENDULUM).attempts.last().map(|last| last.from_env_steps), Some(0));
+}
+
+#[test]
+fn a_finished_run_whose_table_is_damaged_is_told_and_run_anew_when_wanted() {
+    let bench = Workbench::new(1024);
+    bench.expect(0, &["tiny.toml"]);
+    let path = RunPaths::progress(&bench.run("results", PENDULUM).complete);
+    let whole = fs::read(&path).expect("readable");
+    fs::write(&path, &whole[..whole.len() / 2]).expect("written");
+    let (stdout, _) = bench.expect(0, &["plan", "tiny.toml"]);
+    assert!(stdout.contains("damaged") && stdout.contains("3 finished"), "{stdout}");
+    let (_, stderr) = bench.expect(2, &["tiny.toml"]);
+    assert!(stderr.contains("progress.parquet is damaged") && stderr.contains("--fresh"), "{stderr}");
+    bench.expect(0, &["tiny.toml", "--fresh"]);
+    bench.expect(0, &["tiny.toml"]);
 }
 
 #[test]

@@ -133,9 +133,12 @@ fn ended(run: &Planned, outcome: Outcome) -> Manifest {
         host: "here".to_owned(),
         process: 7,
         from_env_steps: 0,
+        cpu_class: "x86_64".to_owned(),
+        libm: "a".to_owned(),
         error: None,
     };
-    let manifest = Manifest { attempts: vec![attempt], env_steps: 512, outcome, ..Manifest::new(run.stamp.clone()) };
+    let env_steps = run.spec.trained_steps();
+    let manifest = Manifest { attempts: vec![attempt], env_steps, outcome, ..Manifest::new(run.stamp.clone()) };
     run.paths.open().expect("made");
     run.paths.close(&manifest).expect("closed");
     manifest
