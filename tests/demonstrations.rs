@@ -155,3 +155,55 @@ fn an_import_prints_what_it_has_and_what_was_lost() {
     // Without poses there is nothing to replay.
     refused(&["verify", &out, "--env", "InvertedPendulum-v2"], &["qpos"]);
 }
+
+#[test]
+fn collect_replaces_nothing_unasked_and_warns_of_a_return_that_is_far_off() {
+    let folder = TempDir::new().expect("a folder");
+    let file = folder.path().join("kept.toml");
+    let text_of_file = "name = 'kept'\nreward = 'dense'\nbudget.env_steps = 512\nnetwork.hidden = [8]\n\
+                        checkpoint.keep_policy_every = 256\nevaluation.final_episodes = 1\n\
+                        [rollout]\nsteps = 256\n[algorithms.ppo]\nminibatch = 64\n\
+                        [[matrix]]\nseed = [0]\nenv = ['InvertedPendulum-v2']\nalgorithm = ['ppo']\n";
+    fs::write(&file, text_of_file).expect("written");
+    let (file, results) = (file.display().to_string(), folder.path().join("results").display().to_string());
+    Command::new(env!("CARGO_BIN_EXE_mcpo-run")).args(["run", &file, "--results", &results, "-q"]).assert().code(0);
+
+    let out = folder.path().join("demos");
+    let at = out.display().to_string();
+    let collect = |more: &[&str]| {
+        mcpo_run(&[&["collect", &file, "--results", &results, "--starts", "2"], more].concat()).get_output().clone()
+    };
+    let without = collect(&["--target", "20"]);
+    assert!(text(&without.stderr).contains("--out"), "where to is not guessed");
+
+    let first = collect(&["--out", &at, "--target", "20"]);
+    let path = out.join("InvertedPendulum-v2.parquet");
+    let written = fs::read(&path).expect("it was written");
+    assert!(first.status.success(), "{}", text(&first.stderr));
+    let again = collect(&["--out", &at, "--target", "600"]);
+    let complaint = text(&again.stderr);
+    assert!(again.status.code() == Some(2) && complaint.contains("--force"), "{complaint}");
+    assert_eq!(fs::read(&path).expect("it is there"), written, "it was replaced unasked");
+
+    let forced = collect(&["--out", &at, "--target", "600", "--force"]);
+    assert!(forced.status.success());
+    let warning = text(&forced.stderr);
+    assert!(warning.contains("warning: no episode of InvertedPendulum-v2") && warning.contains("600"), "{warning}");
+    let replaced = Demonstration::read(&path).expect("a demonstration");
+    let likely = replaced.returns().expect("rewards")[0];
+    assert!(likely < 540.0 && replaced.provenance.contains(&("wanted_return".into(), "600".into())), "{likely}");
+}
+
+#[test]
+fn several_are_shown_as_a_table_of_what_decides_a_tolerance() {
+    let files = [EnvId::Hopper, EnvId::HalfCheetah].map(|env| recorded(env).display().to_string());
+    let shown = text(&mcpo_run(&["show", &files[0], &files[1]]).code(0).get_output().stdout);
+    let lines: Vec<&str> = shown.lines().collect();
+    assert!(lines.len() == 4 && lines[0].contains("action rms | D of doing nothing"), "{shown}");
+    for (line, file) in lines[2..].iter().zip(&files) {
+        let demonstration = Demonstration::read(Path::new(file)).expect("it was recorded");
+        let rms = format!("| {:.3} |", demonstration.action_rms());
+        assert!(line.contains(file) && line.contains(&rms), "{line}");
+    }
+    refused(&["show", &files[0], &files[1], "--out", "both.png"], &["one demonstration"]);
+}

@@ -50,8 +50,8 @@ impl Hyperparameters {
     }
 }
 
-/// Trains `agent`'s policy on `demonstration`, after setting its normaliser to the demonstration's own mean and variance,
-/// which later observations go on updating. The value network is left as it is: a demonstration holds no sparse returns.
+/// Trains `agent`'s policy on `demonstration`, in units of the demonstration's own mean and deviation, which its normaliser
+/// then keeps. The value network is left as it is: a demonstration holds no sparse returns.
 /// Calls `epoch` with the loss (over the whole demonstration) after each epoch.
 ///
 /// Errors: the loss is no longer finite.
@@ -62,7 +62,7 @@ pub fn clone_behaviour(
     rng: &mut Rng,
     mut epoch: impl FnMut(u64, f64, &Agent),
 ) -> Result<(), AlgoError> {
-    agent.normalizer = Normalizer::from_columns(&demonstration.observations, agent.normalizer.clip());
+    agent.normalizer = Normalizer::anchored(&demonstration.observations, agent.normalizer.clip());
     let observations = agent.normalizer.normalize_columns(&demonstration.observations);
     let actions = demonstration.actions.map(|action| action as f32);
 
@@ -90,6 +90,13 @@ pub fn clone_behaviour(
         epoch(number, finite("the loss of behaviour cloning", value)?, agent);
     }
     Ok(())
+}
+
+/// What `agent` has of `demonstration`: the loss on all of it.
+pub fn loss_of(loss_kind: Loss, agent: &Agent, demonstration: &Demonstration, pass: &mut Pass) -> f64 {
+    let observations = agent.normalizer.normalize_columns(&demonstration.observations);
+    let actions = demonstration.actions.map(|action| action as f32);
+    loss(loss_kind, &agent.policy, &observations, &actions, pass, None)
 }
 
 /// The loss of `policy` on `actions` (`[action_dim x n]`) at normalised `observations`, and its gradient where asked for.

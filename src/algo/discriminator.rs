@@ -9,9 +9,9 @@
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
-use super::{AlgoError, Batch, finite, mimicry::stack};
+use super::{AlgoError, Batch, finite};
 use crate::{
-    demo::Demonstration,
+    demo::{Demonstration, stack},
     nn::{Mlp, Normalizer, Pass},
     quantity::{Count, Positive, constant},
     rng::{Seed, Stream},

@@ -189,7 +189,7 @@ impl Mcpo {
     /// MCPO from `agent` on, near `demonstration`.
     pub fn new(hyperparameters: Hyperparameters, mut agent: Agent, demonstration: &Demonstration, seed: Seed) -> Self {
         if hyperparameters.mmd.samples == Samples::DemoStates {
-            agent.normalizer = Normalizer::from_columns(&demonstration.observations, agent.normalizer.clip()).held();
+            agent.normalizer = Normalizer::anchored(&demonstration.observations, agent.normalizer.clip());
         }
         let mimicry = Mimicry::new(hyperparameters.mmd.clone(), demonstration, agent.hidden(), seed);
         let critic = Critic::new(&agent.value);

@@ -24,7 +24,7 @@ use super::{
     trust_region::Surrogate,
 };
 use crate::{
-    demo::{Bandwidth, Demonstration, Estimator, Kernel, Standardizer, mmd::Target},
+    demo::{Bandwidth, Demonstration, Estimator, Kernel, Standardizer, mmd::Target, stack},
     nn::{GaussianPolicy, Mlp, Pass},
     quantity::constant,
     rng::{Rng, Seed, Stream},
@@ -254,14 +254,6 @@ impl Mimicry {
             }
         }
     }
-}
-
-/// States above actions: the points between which the kernel measures.
-pub(super) fn stack(states: &DMatrix<f32>, actions: &DMatrix<f32>) -> DMatrix<f32> {
-    let mut points = DMatrix::zeros(states.nrows() + actions.nrows(), states.ncols());
-    points.rows_mut(0, states.nrows()).copy_from(states);
-    points.rows_mut(states.nrows(), actions.nrows()).copy_from(actions);
-    points
 }
 
 #[cfg(test)]

@@ -158,7 +158,8 @@ pub struct Update {
     pub recovery_steps: Option<u64>,
     /// The discriminator's loss (POfD, GAIL).
     pub discriminator_loss: Option<f64>,
-    /// Loss of behaviour cloning, where this update did it.
+    /// Loss of behaviour cloning on the demonstration, before the update: how much of the clone is left (pre-training); at the
+    /// end of cloning (BC).
     pub cloning_loss: Option<f64>,
     /// Seconds in each named part of the update, for `mcpo-run bench`.
     #[serde(default)]

@@ -3,6 +3,7 @@
 //! Owns the Parquet format, import, verification by re-simulation, the Gaussian kernel, its units and the MMD. Knows nothing of
 //! networks or updates. Start at [`Demonstration`] and [`mmd`].
 
+mod character;
 pub mod import;
 mod kernel;
 pub mod mmd;
@@ -18,6 +19,7 @@ use std::{
 
 use nalgebra::DMatrix;
 
+pub use character::stack;
 pub use kernel::{Bandwidth, Kernel};
 pub use mmd::Estimator;
 pub use standardizer::Standardizer;

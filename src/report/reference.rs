@@ -70,6 +70,18 @@ pub struct Constraint {
     pub epsilon: f64,
 }
 
+/// What the authors' demonstration in one environment is like.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+pub struct Demonstration {
+    gym: String,
+    /// Its length.
+    pub steps: usize,
+    /// The rms of its actions, in units of the action.
+    pub action_rms: f64,
+    /// MMD^2 to the policy that does nothing, as `mcpo` measures it by default.
+    pub mmd_of_doing_nothing: f64,
+}
+
 #[derive(Debug, Deserialize)]
 struct AblationRow {
     d: f64,
@@ -81,6 +93,7 @@ struct AblationRow {
 struct Paper {
     table2: Vec<Constraint>,
     returns: Vec<Returns>,
+    demonstrations: Vec<Demonstration>,
     table5: Vec<AblationRow>,
 }
 
@@ -99,6 +112,11 @@ pub fn constraint(gym: &str) -> Option<&'static Constraint> {
 pub fn returns(gym: &str) -> Option<&'static Returns> {
     let paper_name = &constraint(gym)?.environment;
     PAPER.returns.iter().find(|row| &row.environment == paper_name)
+}
+
+/// The authors' demonstration in the environment with Gym id `gym`.
+pub fn demonstration(gym: &str) -> Option<&'static Demonstration> {
+    PAPER.demonstrations.iter().find(|row| row.gym == gym)
 }
 
 /// Table 5: MCPO on [`ABLATION_ENV`] with tolerance `d` and annealing factor `epsilon`.
@@ -139,6 +157,6 @@ mod tests {
         assert_eq!(ablation(1.0, 0.0).map(|value| value.mean), Some(-586.52));
         assert_eq!(constraint("Hopper-v2").map(|row| row.d), Some(1e-4));
         assert_eq!(PAPER.returns.len(), 7);
-        assert!(PAPER.table2.iter().all(|row| returns(&row.gym).is_some()));
+        assert!(PAPER.table2.iter().all(|row| returns(&row.gym).is_some() && demonstration(&row.gym).is_some()));
     }
 }

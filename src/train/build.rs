@@ -3,12 +3,19 @@
 use super::{RunSink, TrainError};
 use crate::{
     algo::{
-        Agent, OnPolicy, cloning, gail::gail, mcpo::Mcpo, mmd_il::MmdIl, penalty::Penalty, pofd::pofd, ppo::Ppo,
-        pretraining::Pretraining, trpo::Trpo,
+        Agent, OnPolicy, Update, cloning,
+        gail::gail,
+        mcpo::Mcpo,
+        mmd_il::MmdIl,
+        penalty::Penalty,
+        pofd::pofd,
+        ppo::Ppo,
+        pretraining::{Pretrained, Pretraining},
+        trpo::Trpo,
     },
     demo::Demonstration,
     env::{EnvError, Spaces, Task},
-    nn::{GaussianPolicy, Mlp, Normalizer},
+    nn::{GaussianPolicy, Mlp, Normalizer, Pass},
     plan::RunSpec,
     rng::Stream,
     spec::Algorithm,
@@ -36,8 +43,8 @@ pub fn agent(spec: &RunSpec, spaces: Spaces) -> Agent {
 pub enum Learner {
     /// Learns from its own rollouts.
     OnPolicy(Box<dyn OnPolicy>),
-    /// Learned from the demonstration alone, and takes no step of its own.
-    Offline(Agent),
+    /// Learned from the demonstration alone, and takes no step of its own; with what that was like.
+    Offline(Agent, Update),
     /// Learns nothing: uniform actions.
     Uniform,
 }
@@ -47,21 +54,29 @@ pub enum Learner {
 /// Errors: the demonstration is missing or does not fit, or behaviour cloning diverged.
 pub fn learner(spec: &RunSpec, sink: &mut dyn RunSink) -> Result<Learner, TrainError> {
     let agent = agent(spec, Task::new(spec.env, spec.reward, spec.max_steps)?.spaces());
-    let mut cloned = |hyperparameters: &cloning::Hyperparameters, agent: Agent| {
-        let demonstration = demonstration(spec)?;
-        let start = Pretraining { hyperparameters, agent: &agent, demonstration: &demonstration, seed: spec.seed };
+    let mut cloned = |hyperparameters: &cloning::Hyperparameters, agent: Agent, demonstration: &Demonstration| {
+        let start = Pretraining { hyperparameters, agent: &agent, demonstration, seed: spec.seed };
         sink.pretrained(&start.key(), &mut || start.train().map_err(|source| TrainError::Algo { iteration: 0, source }))
     };
     let on_policy: Box<dyn OnPolicy> = match spec.algorithm.clone() {
         Algorithm::Mcpo(h) => Box::new(Mcpo::new(h, agent, &demonstration(spec)?, spec.seed)),
         Algorithm::Ppo(h) | Algorithm::Expert(h) => Box::new(Ppo::new(h, agent)),
-        Algorithm::Pretraining(h) => Box::new(Ppo::new(h.ppo, cloned(&h.cloning, agent)?)),
+        Algorithm::Pretraining(h) => {
+            let demonstration = demonstration(spec)?;
+            let agent = cloned(&h.cloning, agent, &demonstration)?;
+            Box::new(Pretrained::new(h, agent, demonstration))
+        }
         Algorithm::Pofd(h) => Box::new(pofd(h, agent, &demonstration(spec)?, spec.seed)),
         Algorithm::MmdIl(h) => Box::new(MmdIl::new(h, agent, &demonstration(spec)?, spec.seed)),
         Algorithm::Trpo(h) => Box::new(Trpo::new(h, agent)),
         Algorithm::Gail(h) => Box::new(gail(h, agent, &demonstration(spec)?, spec.seed)),
         Algorithm::Penalty(h) => Box::new(Penalty::new(h, agent, &demonstration(spec)?, spec.seed)),
-        Algorithm::Bc(h) => return Ok(Learner::Offline(cloned(&h, agent)?)),
+        Algorithm::Bc(h) => {
+            let demonstration = demonstration(spec)?;
+            let agent = cloned(&h, agent, &demonstration)?;
+            let cloning_loss = Some(cloning::loss_of(h.loss, &agent, &demonstration, &mut Pass::default()));
+            return Ok(Learner::Offline(agent, Update { cloning_loss, ..Update::default() }));
+        }
         Algorithm::Random(_) => return Ok(Learner::Uniform),
     };
     Ok(Learner::OnPolicy(on_policy))

@@ -23,7 +23,7 @@ use crate::{
 /// One iteration of training.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Iteration {
-    /// Counted from 1.
+    /// Counted from 1; 0 for what was learned before the first step.
     pub iteration: u64,
     /// Environment steps so far, this iteration's included.
     pub env_steps: u64,
@@ -43,6 +43,24 @@ pub struct Iteration {
     pub rollout_seconds: f64,
     /// Seconds of the update.
     pub update_seconds: f64,
+}
+
+impl Iteration {
+    /// What was learned before the first step in an environment.
+    fn before_any(update: Update) -> Self {
+        Self {
+            iteration: 0,
+            env_steps: 0,
+            episodes: 0,
+            dense_return: None,
+            training_return: None,
+            episode_length: None,
+            update,
+            physics_seconds: 0.0,
+            rollout_seconds: 0.0,
+            update_seconds: 0.0,
+        }
+    }
 }
 
 /// One evaluation episode.
@@ -143,7 +161,13 @@ pub enum Ending {
 pub fn run(spec: &RunSpec, checkpoint: Option<&[u8]>, sink: &mut dyn RunSink) -> Result<Ending, TrainError> {
     match build::learner(spec, sink)? {
         Learner::OnPolicy(algorithm) => on_policy::run(spec, algorithm, checkpoint, sink),
-        Learner::Offline(agent) => offline::run(spec, Some(&agent), sink),
+        Learner::Offline(agent, learned) => {
+            // A run that was stopped here has this row already.
+            if checkpoint.is_none() && sink.iteration(&Iteration::before_any(learned), &Vec::new)? == Flow::Stop {
+                return Ok(Ending::Stopped);
+            }
+            offline::run(spec, Some(&agent), sink)
+        }
         Learner::Uniform => offline::run(spec, None, sink),
     }
 }

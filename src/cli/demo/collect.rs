@@ -3,15 +3,20 @@
 use std::{
     collections::BTreeMap,
     fs,
+    io::{self, Write as _},
     path::{Path, PathBuf},
     process::ExitCode,
 };
 
 use anyhow::{Context, bail};
 
-use super::super::{print, selected::Selected};
+use super::{
+    super::{print, selected::Selected},
+    mmd_of_doing_nothing,
+};
 use crate::{
     algo::Agent,
+    demo::Demonstration,
     env::{self, EnvId, Reward, Task},
     plan::RunSpec,
     record::{RunPaths, policy},
@@ -26,14 +31,40 @@ pub struct CollectArguments {
     #[command(flatten)]
     selected: Selected,
     /// The folder that the demonstrations are written to, as ENV.parquet
-    #[arg(long, value_name = "DIR", default_value = "experiments/demos")]
+    #[arg(long, value_name = "DIR")]
     out: PathBuf,
+    /// Replace demonstrations that are there already
+    #[arg(long)]
+    force: bool,
     /// Initial states that each policy is tried from
-    #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=1000))]
     starts: u32,
-    /// The return to come near to [default: the paper's Demo column]
+    /// The return to come near to, whatever the episode is like else [default: the paper's Demo column, and within 1 % of it
+    /// the likeness to the authors' demonstration]
     #[arg(long, value_name = "RETURN", allow_negative_numbers = true)]
     target: Option<f64>,
+}
+
+/// Returns so near the wanted one (as a share of it) are as good as it.
+const SAME: f64 = 0.01;
+
+/// A return farther off than this (as a share of the wanted one) is told as a warning.
+const FAR: f64 = 0.1;
+
+/// What the episode shall be like.
+struct Wanted {
+    dense_return: f64,
+    /// The authors' demonstration, whose likeness decides between episodes of the [`SAME`] return.
+    like: Option<&'static reference::Demonstration>,
+}
+
+/// How far an episode is from what is wanted; the least is the best.
+#[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
+enum Misfit {
+    /// The return is the [`SAME`]: how far it is from what it shall be like, or else from the return.
+    Near(f64),
+    /// How far the return is.
+    Far(f64),
 }
 
 /// One episode of one kept policy.
@@ -55,23 +86,17 @@ pub fn run(arguments: &CollectArguments) -> anyhow::Result<ExitCode> {
     for run in arguments.selected.runs(&specs)? {
         runs.entry(run.env).or_default().push(run);
     }
+    let file = |env: EnvId| arguments.out.join(format!("{env}.parquet"));
+    if let Some(path) = runs.keys().map(|&env| file(env)).find(|path| path.exists() && !arguments.force) {
+        bail!("{} is there already; `--force` replaces it, another `--out` leaves it alone", path.display());
+    }
     fs::create_dir_all(&arguments.out).with_context(|| format!("cannot make {}", arguments.out.display()))?;
     let mut missing = Vec::new();
     for (env, runs) in runs {
-        let target = match arguments.target {
-            Some(target) => target,
-            None => reference::returns(env.name()).map(|row| row.demo).context("the paper has no such environment")?,
-        };
-        match nearest(&runs, &arguments.selected.results, arguments.starts, target)? {
+        let wanted = Wanted::new(env, arguments.target)?;
+        match best(&runs, &arguments.selected.results, arguments.starts, &wanted)? {
             None => missing.push(env.name()),
-            Some(candidate) => {
-                let path = arguments.out.join(format!("{env}.parquet"));
-                let steps = write(&candidate, target, &path)?;
-                print(&format!(
-                    "{env:<26} {steps:>4} steps, return {:>9.2} (wanted {target:.2}): {} after {} steps, initial state {}\n",
-                    candidate.dense_return, candidate.run.id, candidate.env_steps, candidate.start,
-                ))?;
-            }
+            Some(candidate) => tell(&candidate, &wanted, &write(&candidate, &wanted, &file(env))?)?,
         }
     }
     if !missing.is_empty() {
@@ -83,33 +108,79 @@ pub fn run(arguments: &CollectArguments) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// The episode with the return nearest `target`; `None` when none of the `runs` has kept a policy yet.
-fn nearest(runs: &[RunSpec], results: &Path, starts: u32, target: f64) -> anyhow::Result<Option<Candidate>> {
-    let mut best: Option<Candidate> = None;
+impl Wanted {
+    /// The return `target` and nothing else, or else what the authors' demonstration of `env` is like.
+    fn new(env: EnvId, target: Option<f64>) -> anyhow::Result<Self> {
+        if let Some(dense_return) = target {
+            return Ok(Self { dense_return, like: None });
+        }
+        let paper = reference::returns(env.name()).context("the paper has no such environment")?;
+        Ok(Self { dense_return: paper.demo, like: reference::demonstration(env.name()) })
+    }
+
+    /// How far off a return is, as a share of the wanted one.
+    fn off(&self, dense_return: f64) -> f64 {
+        (dense_return - self.dense_return).abs() / self.dense_return.abs()
+    }
+
+    /// The misfit of an episode of `dense_return`, which `record` gives step by step.
+    fn misfit(
+        &self,
+        dense_return: f64,
+        record: impl FnOnce() -> anyhow::Result<Demonstration>,
+    ) -> anyhow::Result<Misfit> {
+        let off = self.off(dense_return);
+        Ok(match self.like {
+            _ if off.is_nan() || off > SAME => Misfit::Far((dense_return - self.dense_return).abs()),
+            None => Misfit::Near(off),
+            Some(like) => Misfit::Near(unlikeness(like, &record()?)),
+        })
+    }
+}
+
+/// How unlike the authors' demonstration `episode` is: the logarithm of the factor within which length, rms of the actions
+/// and D of doing nothing all agree; 0 where they are equal.
+fn unlikeness(like: &reference::Demonstration, episode: &Demonstration) -> f64 {
+    [
+        episode.len() as f64 / like.steps as f64,
+        episode.action_rms() / like.action_rms,
+        mmd_of_doing_nothing(episode) / like.mmd_of_doing_nothing,
+    ]
+    .map(|ratio| ratio.ln().abs())
+    .into_iter()
+    .fold(0.0, f64::max)
+}
+
+/// The episode with the least misfit; `None` when none of the `runs` has kept a policy yet.
+fn best(runs: &[RunSpec], results: &Path, starts: u32, wanted: &Wanted) -> anyhow::Result<Option<Candidate>> {
+    let mut best: Option<(Misfit, Candidate)> = None;
     for run in runs {
         let paths = RunPaths::new(results, &run.experiment, &run.id)?;
         let mut tasks: Vec<Task> =
             (0..starts.min(8)).map(|_| Task::new(run.env, Reward::Dense, run.max_steps)).collect::<Result<_, _>>()?;
         for path in kept_policies(&paths)? {
             let (agent, stamp) = policy::read(&path)?;
-            let generators = (0..starts).map(|start| run.seed.stream(Stream::Evaluation, start)).collect();
+            let generator = |start| run.seed.stream(Stream::Evaluation, start);
+            let generators = (0..starts).map(generator).collect();
             let episodes = evaluate::episodes(&mut Actor::MeanAction(&agent), &mut tasks, generators)?;
             for (start, episode) in (0..).zip(&episodes) {
-                let distance = |dense_return: f64| (dense_return - target).abs();
-                if best.as_ref().is_none_or(|best| distance(episode.dense_return) < distance(best.dense_return)) {
-                    best = Some(Candidate {
+                let misfit = wanted
+                    .misfit(episode.dense_return, || Ok(evaluate::record(&agent, &mut tasks[0], generator(start))?))?;
+                if best.as_ref().is_none_or(|(least, _)| misfit < *least) {
+                    let candidate = Candidate {
                         run: run.clone(),
                         fingerprint: stamp.fingerprint.clone(),
                         env_steps: RunPaths::kept_after(&path).context("a kept policy's name is a number of steps")?,
                         agent: agent.clone(),
                         start,
                         dense_return: episode.dense_return,
-                    });
+                    };
+                    best = Some((misfit, candidate));
                 }
             }
         }
     }
-    Ok(best)
+    Ok(best.map(|(_, candidate)| candidate))
 }
 
 /// The policies that a run has kept, whether it has ended or not, in the order of training.
@@ -125,8 +196,8 @@ fn kept_policies(paths: &RunPaths) -> anyhow::Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// Plays the candidate's episode again, step by step, and writes it; gives its length.
-fn write(candidate: &Candidate, target: f64, path: &Path) -> anyhow::Result<usize> {
+/// Plays the candidate's episode again, step by step, and writes it.
+fn write(candidate: &Candidate, wanted: &Wanted, path: &Path) -> anyhow::Result<Demonstration> {
     let Candidate { run, agent, start, .. } = candidate;
     let mut task = Task::new(run.env, Reward::Dense, run.max_steps)?;
     let Seed(seed) = run.seed;
@@ -134,7 +205,7 @@ fn write(candidate: &Candidate, target: f64, path: &Path) -> anyhow::Result<usiz
     demonstration.provenance = [
         ("environment", run.env.name().to_owned()),
         ("return", format!("{:.6}", candidate.dense_return)),
-        ("wanted_return", target.to_string()),
+        ("wanted_return", wanted.dense_return.to_string()),
         ("policy", format!("{} on the dense reward", run.algorithm_name())),
         ("run", format!("{}/{}", run.experiment, run.id)),
         ("seed", seed.to_string()),
@@ -147,5 +218,66 @@ fn write(candidate: &Candidate, target: f64, path: &Path) -> anyhow::Result<usiz
     .map(|(key, value)| (key.to_owned(), value))
     .to_vec();
     demonstration.write(path)?;
-    Ok(demonstration.len())
+    Ok(demonstration)
+}
+
+/// Prints what was written, and warns where it is not what was wanted.
+fn tell(candidate: &Candidate, wanted: &Wanted, written: &Demonstration) -> anyhow::Result<()> {
+    let Candidate { run, env_steps, start, dense_return, .. } = candidate;
+    let Wanted { dense_return: wanted_return, .. } = wanted;
+    let env = run.env;
+    print(&format!(
+        "{env:<26} {:>4} steps, return {dense_return:>9.2} (wanted {wanted_return:.2}), action rms {:.3}, D of doing nothing {:.1e}: \
+         {} after {env_steps} steps, initial state {start}\n",
+        written.len(),
+        written.action_rms(),
+        mmd_of_doing_nothing(written),
+        run.id,
+    ))?;
+    if wanted.off(*dense_return) > FAR {
+        let warning = format!("warning: no episode of {env} has a return within 10 % of {wanted_return:.2}\n");
+        drop(io::stderr().write_all(warning.as_bytes())); // nobody listens
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn wanted(dense_return: f64) -> Wanted {
+        Wanted::new(EnvId::HalfCheetah, Some(dense_return)).expect("any return may be wanted")
+    }
+
+    fn misfit(wanted: &Wanted, dense_return: f64) -> Misfit {
+        wanted.misfit(dense_return, || bail!("the return alone decides")).expect("it is not played")
+    }
+
+    #[test]
+    fn the_nearest_return_is_the_best() {
+        for target in [600.0, -600.0, 0.0] {
+            let wanted = wanted(target);
+            let misfits = [0.0, 3.0, 7.0, 50.0, 400.0].map(|off| misfit(&wanted, target - off));
+            assert!(misfits.is_sorted_by(|a, b| a < b), "{misfits:?}");
+        }
+    }
+
+    #[test]
+    fn within_one_percent_the_likeness_decides() {
+        let wanted = Wanted::new(EnvId::HalfCheetah, None).expect("in the paper");
+        let like = wanted.like.expect("the authors published it");
+        let episode = |scale: f64| Demonstration {
+            observations: nalgebra::DMatrix::from_fn(1, like.steps, |_, j| (j as f64).sin()),
+            actions: nalgebra::DMatrix::from_element(1, like.steps, scale * like.action_rms),
+            rewards: None,
+            episode_starts: vec![0],
+            terminated: vec![false; like.steps],
+            truncated: vec![false; like.steps],
+            poses: None,
+            provenance: Vec::new(),
+        };
+        let near = |scale| wanted.misfit(wanted.dense_return * 1.009, || Ok(episode(scale))).expect("played");
+        assert!(near(0.2) > near(0.5), "{:?} {:?}", near(0.2), near(0.5));
+        assert!(near(0.2) < misfit(&wanted, wanted.dense_return * 1.011));
+    }
 }

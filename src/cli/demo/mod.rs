@@ -8,15 +8,20 @@ mod verify;
 
 use std::process::ExitCode;
 
-use crate::demo::Demonstration;
+use crate::{
+    demo::{Bandwidth, Demonstration, Estimator},
+    quantity::constant,
+};
 
 /// What to do with demonstrations.
 #[derive(Debug, clap::Subcommand)]
 pub enum DemoCommand {
     /// Take demonstrations from the policies that runs kept on the way
     ///
-    /// For each environment, plays the kept policies' mean actions from a few initial states, and writes the one episode
-    /// whose dense return is nearest the paper's (or TARGET) as that environment's demonstration.
+    /// For each environment, plays the kept policies' mean actions from a few initial states, and writes one episode as that
+    /// environment's demonstration: of those whose dense return is within 1 % of the paper's the one whose length, rms of
+    /// actions and MMD^2 to doing nothing are the most like those of the authors' demonstration; where there is none, or a
+    /// return is asked for, the one with the nearest return.
     Collect(collect::CollectArguments),
     /// Read a demonstration from elsewhere and write it in this program's format
     ///
@@ -29,7 +34,10 @@ pub enum DemoCommand {
     /// Puts the environment into each episode's first pose, takes the recorded actions, and prints the greatest
     /// deviations of observation, reward and end. Exits with 4 where one is over the tolerance.
     Verify(verify::VerifyArguments),
-    /// Print a demonstration's facts, and draw its returns and actions
+    /// Print a demonstration's facts, and draw its returns and actions; of several, print a table
+    ///
+    /// Beside length and return: the rms of the actions, and MMD^2 to the policy that does nothing, by which a tolerance d
+    /// can be chosen.
     Show(show::ShowArguments),
 }
 
@@ -53,6 +61,11 @@ fn size(demonstration: &Demonstration) -> String {
         counted(demonstration.observations.nrows(), "number"),
         counted(demonstration.actions.nrows(), "number"),
     )
+}
+
+/// D of the policy that does nothing, as `mcpo` measures it by default.
+fn mmd_of_doing_nothing(demonstration: &Demonstration) -> f64 {
+    demonstration.mmd_of_doing_nothing(Bandwidth::Fixed(constant(1.0)), Estimator::V)
 }
 
 /// `1 episode`, `2 episodes`.

@@ -1,35 +1,44 @@
-//! `mcpo-run demo show FILE`.
+//! `mcpo-run demo show FILE...`.
 
 use std::{
     path::{Path, PathBuf},
     process::ExitCode,
 };
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 
-use super::{super::print, size, summary, traces};
+use super::{super::print, mmd_of_doing_nothing, size, summary, traces};
 use crate::{
     demo::{Demonstration, import::recomputed_rewards},
     record::write_atomically,
 };
 
-/// Which file.
+/// Which files.
 #[derive(Debug, clap::Args)]
 pub struct ShowArguments {
-    /// The demonstration (*.parquet)
-    file: PathBuf,
+    /// The demonstrations (*.parquet); of several, one line each
+    #[arg(required = true)]
+    files: Vec<PathBuf>,
     /// Draw returns and actions over the steps into this file
     #[arg(long, value_name = "PNG")]
     out: Option<PathBuf>,
 }
 
-/// Prints the demonstration's facts, and draws it.
+/// Prints the demonstration's facts, and draws it; of several, prints a table.
 pub fn run(arguments: &ShowArguments) -> anyhow::Result<ExitCode> {
-    let demonstration = Demonstration::read(&arguments.file)?;
-    let rewards = rewards(&demonstration, &arguments.file)?;
+    let file = match arguments.files.as_slice() {
+        [file] => file,
+        _ if arguments.out.is_some() => bail!("`--out` draws one demonstration"),
+        files => {
+            print(&table(files)?)?;
+            return Ok(ExitCode::SUCCESS);
+        }
+    };
+    let demonstration = Demonstration::read(file)?;
+    let rewards = rewards(&demonstration, file)?;
     print(&facts(&demonstration, rewards.as_ref()))?;
     if let Some(out) = &arguments.out {
-        let name = arguments.file.file_name().map(|name| name.to_string_lossy()).unwrap_or_default();
+        let name = file.file_name().map(|name| name.to_string_lossy()).unwrap_or_default();
         let png =
             traces::picture(&name, &demonstration, rewards.as_ref()).png().context("cannot draw the demonstration")?;
         write_atomically(out, &png)?;
@@ -59,6 +68,30 @@ fn rewards(demonstration: &Demonstration, path: &Path) -> anyhow::Result<Option<
     .transpose()
 }
 
+/// A Markdown table of the demonstrations in `files`: what decides which tolerance is tight.
+fn table(files: &[PathBuf]) -> anyhow::Result<String> {
+    let mut text = "| file | episodes | steps | return | action rms | D of doing nothing |\n\
+                    |---|---:|---:|---:|---:|---:|\n"
+        .to_owned();
+    for file in files {
+        let demonstration = Demonstration::read(file)?;
+        let rewards = rewards(&demonstration, file)?;
+        let episodes = demonstration.episode_starts.len();
+        let earned = rewards.map_or_else(
+            || "not recorded".to_owned(),
+            |rewards| format!("{:.1}", rewards.values.iter().sum::<f64>() / episodes as f64),
+        );
+        text += &format!(
+            "| {} | {episodes} | {} | {earned} | {:.3} | {:.1e} |\n",
+            file.display(),
+            demonstration.len(),
+            demonstration.action_rms(),
+            mmd_of_doing_nothing(&demonstration),
+        );
+    }
+    Ok(text)
+}
+
 /// What there is to say of `demonstration`.
 fn facts(demonstration: &Demonstration, rewards: Option<&Rewards>) -> String {
     let lengths: Vec<f64> = demonstration.episodes().map(|steps| steps.len() as f64).collect();
@@ -86,7 +119,14 @@ fn facts(demonstration: &Demonstration, rewards: Option<&Rewards>) -> String {
             ),
         ),
         ("observations", range(demonstration.observations.as_slice())),
-        ("actions", range(demonstration.actions.as_slice())),
+        ("actions", format!("{}, rms {:.3}", range(demonstration.actions.as_slice()), demonstration.action_rms())),
+        (
+            "doing nothing",
+            format!(
+                "MMD^2 {:.1e} at its states, with sigma 1: d is a share of it",
+                mmd_of_doing_nothing(demonstration)
+            ),
+        ),
         (
             "poses",
             if demonstration.poses.is_some() { "recorded" } else { "not recorded; it cannot be replayed" }.to_owned(),
