@@ -46,6 +46,7 @@ pub fn show(specs: &[ExperimentSpec], planned: &[Planned], explain: bool) -> any
         let budget = run.spec.budget.env_steps.get();
         let time = match state {
             RunState::Finished(manifest) => clock(manifest.seconds),
+            RunState::Differs { .. } => String::new(),
             _ => {
                 let left = seconds * (1.0 - done as f64 / budget as f64).clamp(0.0, 1.0);
                 seconds_left += left;
@@ -61,7 +62,10 @@ pub fn show(specs: &[ExperimentSpec], planned: &[Planned], explain: bool) -> any
         ]);
     }
     let finished = states.iter().filter(|state| matches!(state, RunState::Finished(_))).count();
-    let left = planned.len() - finished;
+    let differing = states.iter().filter(|state| matches!(state, RunState::Differs { .. })).count();
+    let left = planned.len() - finished - differing;
+    let differing =
+        if differing > 0 { format!(", {differing} recorded by another specification") } else { String::new() };
     let mut repeated = 0;
     for spec in specs {
         repeated += spec.named_runs() - crate::plan::plan(spec)?.len();
@@ -71,7 +75,7 @@ pub fn show(specs: &[ExperimentSpec], planned: &[Planned], explain: bool) -> any
         n => format!("; the blocks name {n} of their runs again, which are run once"),
     };
     print(&format!(
-        "{table}\n{} runs, {finished} finished, {left} to do: about {} in one process{repeated}\n",
+        "{table}\n{} runs, {finished} finished{differing}, {left} to do: about {} in one process{repeated}\n",
         planned.len(),
         clock(seconds_left)
     ))?;
