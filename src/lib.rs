@@ -17,6 +17,7 @@ pub mod bench;
 pub mod cli;
 pub mod demo;
 pub mod env;
+pub mod escape;
 pub mod nn;
 pub mod plan;
 pub mod quantity;

@@ -1,7 +1,7 @@
 //! The direction of the arrows: which module may use which.
 //!
 //! The table is the design's, with these deviations. `arithmetic`, the products and elementary functions at the machine's
-//! rate, is a bottom module of its own. `plan` uses `env`, since a run holds its environment and its reward. `record` and
+//! rate, and `escape`, text from outside made harmless for where it is shown, are bottom modules of their own. `plan` uses `env`, since a run holds its environment and its reward. `record` and
 //! `schedule` use what rows and policies are made of, since they are `train`'s sink, and `schedule` reads demonstrations
 //! before anything starts. `bench`, which measures training, stands beside `schedule`. `report` uses `plan` and `env`, since
 //! selections and recorded runs are theirs.
@@ -18,6 +18,7 @@ use mcpo_run::algo::revision::PARTS;
 const MAY_USE: &[(&str, &[&str])] = &[
     ("rng", &[]),
     ("quantity", &[]),
+    ("escape", &[]),
     ("arithmetic", &[]),
     ("solver", &["arithmetic", "quantity"]),
     ("stats", &["rng"]),
@@ -29,9 +30,9 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("plan", &["env", "spec", "quantity", "rng"]),
     ("train", &["algo", "arithmetic", "demo", "env", "nn", "plan", "quantity", "rng", "solver", "spec", "stats"]),
     ("record", &["algo", "env", "nn", "plan", "quantity", "rng", "train"]),
-    ("schedule", &["algo", "arithmetic", "demo", "env", "plan", "record", "train"]),
+    ("schedule", &["algo", "arithmetic", "demo", "env", "escape", "plan", "record", "train"]),
     ("bench", &["algo", "arithmetic", "demo", "env", "plan", "quantity", "record", "rng", "spec", "train"]),
-    ("report", &["env", "plan", "record", "spec", "stats"]),
+    ("report", &["env", "escape", "plan", "record", "spec", "stats"]),
     (
         "cli",
         &[
@@ -40,6 +41,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
             "bench",
             "demo",
             "env",
+            "escape",
             "nn",
             "plan",
             "quantity",

@@ -29,7 +29,7 @@ use std::{
 
 use clap::{CommandFactory, Parser, Subcommand};
 
-use crate::schedule::worker;
+use crate::{escape, schedule::worker};
 use selected::{InvalidFiles, Selected};
 
 /// Declarative experiments in reinforcement learning from imperfect demonstrations.
@@ -103,7 +103,7 @@ fn dispatch(arguments: Arguments) -> anyhow::Result<ExitCode> {
         Command::Run(arguments) => run::run(&arguments),
         Command::Plan(arguments) => plan::run(&arguments),
         Command::Status(selected) => status::run(&selected),
-        Command::Report(selected) => report::run(&selected.load()?, &selected.results),
+        Command::Report(selected) => report::run(&selected),
         Command::Verify(arguments) => verify::run(&arguments),
         Command::Reproduce(arguments) => reproduce::run(&arguments),
         Command::Eval(arguments) => eval::run(&arguments),
@@ -126,7 +126,7 @@ fn definition() -> clap::Command {
 fn complain(error: &anyhow::Error) {
     let text = match error.downcast_ref::<InvalidFiles>() {
         Some(invalid) => invalid.render(io::stderr().is_terminal()),
-        None => told(error).lines().map(|line| format!("error: {line}\n")).collect(),
+        None => escape::terminal(&told(error)).lines().map(|line| format!("error: {line}\n")).collect(),
     };
     drop(io::stderr().write_all(text.as_bytes())); // nobody listens
 }
@@ -140,9 +140,9 @@ fn told(error: &anyhow::Error) -> String {
     })
 }
 
-/// Writes a result to stdout. A reader that has seen enough (`| head`) is no error.
+/// Writes a result to stdout, without what would control the terminal. A reader that has seen enough (`| head`) is no error.
 fn print(text: &str) -> anyhow::Result<()> {
-    match io::stdout().write_all(text.as_bytes()) {
+    match io::stdout().write_all(escape::terminal(text).as_bytes()) {
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(error.into()),
         _ => Ok(()),
     }

@@ -44,6 +44,7 @@ pub fn show(specs: &[ExperimentSpec], planned: &[Planned], explain: bool) -> any
     for (run, state) in planned.iter().zip(&states) {
         let time = match state {
             RunState::Finished(manifest) => clock(manifest.seconds),
+            RunState::Differs { .. } => String::new(),
             _ => {
                 let left = seconds_of(run, state, &costs);
                 seconds_left += left;
@@ -59,7 +60,10 @@ pub fn show(specs: &[ExperimentSpec], planned: &[Planned], explain: bool) -> any
         ]);
     }
     let finished = states.iter().filter(|state| matches!(state, RunState::Finished(_))).count();
-    let left = planned.len() - finished;
+    let differing = states.iter().filter(|state| matches!(state, RunState::Differs { .. })).count();
+    let left = planned.len() - finished - differing;
+    let differing =
+        if differing > 0 { format!(", {differing} recorded by another specification") } else { String::new() };
     let mut repeated = 0;
     for spec in specs {
         repeated += spec.named_runs() - crate::plan::plan(spec)?.len();
@@ -69,7 +73,7 @@ pub fn show(specs: &[ExperimentSpec], planned: &[Planned], explain: bool) -> any
         n => format!("; the blocks name {n} of their runs again, which are run once"),
     };
     print(&format!(
-        "{table}\n{} runs, {finished} finished, {left} to do: about {} in one process{repeated}{}\n",
+        "{table}\n{} runs, {finished} finished{differing}, {left} to do: about {} in one process{repeated}{}\n",
         planned.len(),
         clock(seconds_left),
         evaluated_otherwise(planned, &states),

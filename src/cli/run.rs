@@ -7,6 +7,7 @@ use anyhow::Context;
 use super::{complain, plan, report, selected::Selected};
 use crate::{
     plan::RunSpec,
+    report::Scope,
     schedule::{
         campaign::{self, Options, Summary},
         cost::CostModel,
@@ -96,7 +97,10 @@ pub fn run(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
     if summary.interrupted {
         return Ok(ExitCode::from(INTERRUPTED));
     }
-    let written = report::run(&specs, &selected.results).context("the runs are recorded, but not their report");
+    // Of the whole file: `--only` says what to run, not what to forget of what has run before.
+    let scope = Scope { axis: selected.axis.clone(), set: selected.set.clone(), ..Scope::default() };
+    let written =
+        report::write(&specs, &selected.results, &scope).context("the runs are recorded, but not their report");
     if summary.failed.is_empty() && summary.left == 0 {
         return written;
     }

@@ -53,7 +53,7 @@ fn render(planned: &[Planned], states: &[RunState]) -> String {
                     || "no iteration yet".to_owned(),
                     |heartbeat| {
                         let mean = heartbeat.training_return;
-                        let mean = mean.map_or_else(String::new, |mean| format!(", return {mean:.1}"));
+                        let mean = mean.map_or_else(String::new, |mean| format!(", training return {mean:.1}"));
                         format!(
                             "{} of {} steps, {} steps/s{mean} (at {})",
                             thousands(heartbeat.env_steps as f64),

@@ -8,6 +8,7 @@ mod columns;
 mod id;
 mod identity;
 mod selection;
+mod values;
 
 use std::{
     collections::{BTreeMap, BTreeSet, HashMap},
@@ -20,13 +21,12 @@ pub use crate::spec::{Selection, SelectionError};
 pub use canonical::recorded;
 pub use columns::AxisValue;
 pub use identity::{Versions, differences, evaluated_otherwise};
+pub use values::Values;
 
 use crate::{
     env::{EnvId, Reward},
     rng::Seed,
-    spec::{
-        Algorithm, Budget, Checkpoint, Evaluation, ExperimentSpec, Network, Parameter, ResolveError, Rollout, Settings,
-    },
+    spec::{Algorithm, Budget, Checkpoint, Evaluation, ExperimentSpec, Network, ResolveError, Rollout, Settings},
 };
 
 /// One run, with nothing left to default.
@@ -199,17 +199,12 @@ impl RunSpec {
     /// The resolved value of `env`, `algorithm`, `seed`, a setting (`budget.env_steps`) or a hyperparameter (`d`,
     /// `mcpo.max_kl`); `None` where this run has no such thing.
     pub fn value(&self, key: &str) -> Option<toml::Value> {
-        match key {
-            "env" => Some(toml::Value::String(self.env.name().into())),
-            "algorithm" => Some(toml::Value::String(self.algorithm_name().into())),
-            "seed" => toml::Value::try_from(self.seed).ok(),
-            _ => match Parameter::find(key)? {
-                Parameter::Setting(key) => look_up(&self.settings(), &key),
-                parameter => {
-                    look_up(&self.algorithm.hyperparameters(), parameter.hyperparameter_of(self.algorithm_name())?)
-                }
-            },
-        }
+        self.values().get(key)
+    }
+
+    /// All of its values, for looking up many.
+    pub fn values(&self) -> Values {
+        Values::of(self)
     }
 
     /// The algorithm with the values of its axes, as in `mcpo d=0.001 epsilon=0`.
@@ -220,27 +215,6 @@ impl RunSpec {
             .iter()
             .map(|(key, value)| format!(" {}={}", key.strip_prefix(&prefix).unwrap_or(key), id::short(value)));
         std::iter::once(self.algorithm_name().to_owned()).chain(axes).collect()
-    }
-
-    /// Everything that is set, but for the algorithm, by the keys of the file.
-    fn settings(&self) -> toml::Table {
-        let mut table = toml::Table::try_from(self).expect("a run is tables of numbers, names and lists");
-        if let Some(path) = table.remove("demonstration") {
-            table.insert("demonstrations".into(), path);
-        }
-        table
-    }
-}
-
-fn look_up(table: &toml::Table, key: &str) -> Option<toml::Value> {
-    let (first, rest) = match key.split_once('.') {
-        Some((first, rest)) => (first, Some(rest)),
-        None => (key, None),
-    };
-    let value = table.get(first)?;
-    match rest {
-        None => Some(value.clone()),
-        Some(rest) => look_up(value.as_table()?, rest),
     }
 }
 

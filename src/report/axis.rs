@@ -3,6 +3,8 @@
 //! Owns the grouping of runs by the values of axes, and the labels of those values. Knows nothing of what the runs
 //! measured. Start at [`group`].
 
+use std::collections::{BTreeSet, HashMap};
+
 use super::recorded::Run;
 
 /// Runs that agree on all keys of a grouping; they differ in their seeds.
@@ -17,11 +19,15 @@ pub struct Group<'a> {
 /// Groups `runs` by the values of `keys`, in the order in which the groups first appear.
 pub fn group<'a>(runs: &[&'a Run], keys: &[String]) -> Vec<Group<'a>> {
     let mut groups: Vec<Group<'a>> = Vec::new();
+    let mut known: HashMap<String, usize> = HashMap::new();
     for &run in runs {
-        let values: Vec<_> = keys.iter().map(|key| run.spec.value(key)).collect();
-        match groups.iter_mut().find(|group| group.values == values) {
-            Some(group) => group.runs.push(run),
-            None => groups.push(Group { values, runs: vec![run] }),
+        let values: Vec<_> = keys.iter().map(|key| run.value(key)).collect();
+        match known.get(&format!("{values:?}")) {
+            Some(&index) => groups[index].runs.push(run),
+            None => {
+                known.insert(format!("{values:?}"), groups.len());
+                groups.push(Group { values, runs: vec![run] });
+            }
         }
     }
     groups
@@ -32,18 +38,17 @@ pub fn group<'a>(runs: &[&'a Run], keys: &[String]) -> Vec<Group<'a>> {
 /// Runs that differ in more than their seed are never averaged: these axes have to become keys too. The algorithm is one
 /// wherever there are several, since the others alone would not name a group that does not have them.
 pub fn hidden_axes(runs: &[&Run], keys: &[String]) -> Vec<String> {
-    let mut candidates: Vec<String> = vec!["env".into(), "algorithm".into()];
-    candidates.extend(runs.iter().flat_map(|run| run.spec.axes.keys().cloned()));
-    candidates.retain(|key| key != "seed" && !keys.contains(key));
+    let axes: BTreeSet<&String> = runs.iter().flat_map(|run| run.spec.axes.keys()).collect();
+    let candidates = ["env".to_owned(), "algorithm".to_owned()].into_iter().chain(axes.into_iter().cloned());
     let mut hidden: Vec<String> = Vec::new();
-    for candidate in candidates {
+    for candidate in candidates.filter(|key| key != "seed" && !keys.contains(key)) {
         let known: Vec<String> = match candidate.as_str() {
             "algorithm" => Vec::new(),
             _ => keys.iter().chain(&hidden).cloned().collect(),
         };
         let varies = group(runs, &known).iter().any(|group| {
-            let first = group.runs[0].spec.value(&candidate);
-            group.runs.iter().any(|run| run.spec.value(&candidate) != first)
+            let first = group.runs[0].value(&candidate);
+            group.runs.iter().any(|run| run.value(&candidate) != first)
         });
         if varies {
             hidden.push(candidate);
@@ -52,22 +57,43 @@ pub fn hidden_axes(runs: &[&Run], keys: &[String]) -> Vec<String> {
     hidden
 }
 
+/// What a column or a curve is called, and the values behind it.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Label {
+    /// For readers.
+    pub text: String,
+    /// One a key, for programs; `None` where the runs do not have that axis.
+    pub values: Vec<Option<toml::Value>>,
+}
+
 /// One label a group, from those keys whose value tells the groups apart (`MCPO`, `d = 10⁻³, ε = 0`).
-pub fn labels(keys: &[String], groups: &[Group<'_>]) -> Vec<String> {
+pub fn labels(keys: &[String], groups: &[Group<'_>]) -> Vec<Label> {
     let tells_apart = |index: usize| groups.iter().any(|group| group.values[index] != groups[0].values[index]);
     let mut shown: Vec<usize> = (0..keys.len()).filter(|&index| tells_apart(index)).collect();
     if shown.is_empty() {
         shown = (0..keys.len().min(1)).collect();
     }
-    let label = |group: &Group<'_>| {
+    let texts = value_labels(groups).into_iter().map(|texts| {
         let parts = shown.iter().filter_map(|&index| {
-            let text = value_label(group.values[index].as_ref()?);
+            let text = texts[index].as_ref()?;
             Some(match keys[index].as_str() {
-                "algorithm" | "env" => display_name(&text).to_owned(),
+                "algorithm" | "env" => display_name(text).to_owned(),
                 key => format!("{} = {text}", key_label(key)),
             })
         });
         parts.collect::<Vec<_>>().join(", ")
+    });
+    texts.zip(groups).map(|(text, group)| Label { text, values: group.values.clone() }).collect()
+}
+
+/// What to call the values of each group; those of one key in one notation.
+pub fn value_labels(groups: &[Group<'_>]) -> Vec<Vec<Option<String>>> {
+    let keys = groups.first().map_or(0, |group| group.values.len());
+    let notations: Vec<Notation> =
+        (0..keys).map(|key| Notation::of(groups.iter().filter_map(|group| group.values[key].as_ref()))).collect();
+    let label = |group: &Group<'_>| {
+        let values = group.values.iter().zip(&notations);
+        values.map(|(value, notation)| Some(notation.label(value.as_ref()?))).collect()
     };
     groups.iter().map(label).collect()
 }
@@ -81,18 +107,50 @@ pub fn key_label(key: &str) -> String {
     }
 }
 
-/// What to call a value: powers of ten as such, other numbers in the shortest form that reads back.
-pub fn value_label(value: &toml::Value) -> String {
-    match value {
-        toml::Value::Float(number) => number_label(*number),
-        toml::Value::Integer(number) => number.to_string(),
-        toml::Value::String(text) => text.clone(),
-        // What has one value beside its kind, such as `{ fixed = 1.0 }`.
-        toml::Value::Table(table) if table.len() == 1 => {
-            let (kind, value) = table.iter().next().expect("it has one");
-            format!("{kind} {}", value_label(value))
+/// How the numbers of one axis are written: all in the same way, so that `0.1` does not stand beside `10⁻³`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Notation {
+    /// `0.1`, `15`.
+    Digits,
+    /// `10⁻³`, `2·10⁻³`; `1` and `2.5`, which have no power.
+    Powers,
+}
+
+impl Notation {
+    /// That of `values`: digits where they are few in all of them.
+    pub fn of<'a>(values: impl IntoIterator<Item = &'a toml::Value>) -> Self {
+        let few = |number: f64| number == 0.0 || (0.01..1e5).contains(&number.abs());
+        let all = values.into_iter().all(|value| value.as_float().is_none_or(few));
+        if all { Self::Digits } else { Self::Powers }
+    }
+
+    /// What to call `value`: numbers in the shortest form that reads back.
+    pub fn label(self, value: &toml::Value) -> String {
+        match value {
+            toml::Value::Float(number) => self.number(*number),
+            toml::Value::Integer(number) => number.to_string().replace('-', "−"),
+            toml::Value::String(text) => text.clone(),
+            // What has one value beside its kind, such as `{ fixed = 1.0 }`.
+            toml::Value::Table(table) if table.len() == 1 => {
+                let (kind, value) = table.iter().next().expect("it has one");
+                format!("{kind} {}", self.label(value))
+            }
+            other => other.to_string(),
         }
-        other => other.to_string(),
+    }
+
+    fn number(self, number: f64) -> String {
+        let scientific = format!("{number:e}");
+        let (mantissa, exponent) = match (self, scientific.split_once('e')) {
+            (Self::Powers, Some((mantissa, exponent))) if exponent != "0" => (mantissa, exponent),
+            _ => return number.to_string().replace('-', "−"),
+        };
+        let power = format!("10{}", superscript(exponent));
+        match mantissa {
+            "1" => power,
+            "-1" => format!("−{power}"),
+            _ => format!("{}·{power}", mantissa.replace('-', "−")),
+        }
     }
 }
 
@@ -111,21 +169,6 @@ pub fn display_name(name: &str) -> &str {
         "bc" => "BC",
         "penalty" => "Penalty",
         other => other,
-    }
-}
-
-/// `0.1`, `15`, `10⁻³`, `2·10⁻³`: digits where they are few, else a power of ten.
-pub fn number_label(number: f64) -> String {
-    if number == 0.0 || (0.01..1e5).contains(&number.abs()) {
-        return number.to_string().replace('-', "−");
-    }
-    let scientific = format!("{number:e}");
-    let (mantissa, exponent) = scientific.split_once('e').unwrap_or((&scientific, "0"));
-    let power = format!("10{}", superscript(exponent));
-    match mantissa {
-        "1" => power,
-        "-1" => format!("−{power}"),
-        _ => format!("{}·{power}", mantissa.replace('-', "−")),
     }
 }
 
@@ -153,10 +196,14 @@ mod tests {
     use super::*;
     use crate::report::fixture;
 
+    fn texts(keys: &[String], groups: &[Group<'_>]) -> Vec<String> {
+        labels(keys, groups).into_iter().map(|label| label.text).collect()
+    }
+
     #[test]
     fn a_value_beside_its_kind_reads_as_words() {
         let value: toml::Table = toml::from_str("bandwidth = { fixed = 1.0 }").expect("TOML");
-        assert_eq!(value_label(&value["bandwidth"]), "fixed 1");
+        assert_eq!(Notation::Digits.label(&value["bandwidth"]), "fixed 1");
     }
 
     #[test]
@@ -189,7 +236,7 @@ mod tests {
         let keys = ["d".to_owned(), "epsilon".to_owned()];
         let groups = group(&runs, &keys);
         assert_eq!(groups.iter().map(|group| group.runs.len()).collect::<Vec<_>>(), [2, 1]);
-        assert_eq!(labels(&keys, &groups), ["d = 1", "d = 10⁻⁶"]);
+        assert_eq!(texts(&keys, &groups), ["d = 1", "d = 10⁻⁶"]);
     }
 
     #[test]
@@ -197,14 +244,20 @@ mod tests {
         let runs = [fixture::mcpo("Ant-v2", 1e-5, 1e-3, 0), fixture::ppo("Ant-v2", 0)];
         let runs: Vec<&Run> = runs.iter().collect();
         let keys = ["algorithm".to_owned(), "epsilon".to_owned()];
-        assert_eq!(labels(&keys, &group(&runs, &keys)), ["MCPO, ε = 10⁻³", "PPO"]);
+        assert_eq!(texts(&keys, &group(&runs, &keys)), ["MCPO, ε = 10⁻³", "PPO"]);
         let only_env = ["env".to_owned()];
-        assert_eq!(labels(&only_env, &group(&runs, &only_env)), ["Ant-v2"]);
+        assert_eq!(texts(&only_env, &group(&runs, &only_env)), ["Ant-v2"]);
     }
 
     #[test]
-    fn numbers_are_short_and_exact() {
-        let text: Vec<_> = [0.0, 1.0, 0.1, 1e-3, 2e-3, -1e-6, 15.0, 1e6, 0.05].map(number_label).into();
-        assert_eq!(text, ["0", "1", "0.1", "10⁻³", "2·10⁻³", "−10⁻⁶", "15", "10⁶", "0.05"]);
+    fn numbers_of_one_axis_are_short_exact_and_of_one_notation() {
+        let labels = |numbers: &[f64]| {
+            let values: Vec<toml::Value> = numbers.iter().map(|number| (*number).into()).collect();
+            let notation = Notation::of(&values);
+            values.iter().map(|value| notation.label(value)).collect::<Vec<_>>()
+        };
+        assert_eq!(labels(&[0.0, 1.0, 0.1, 15.0, -0.05]), ["0", "1", "0.1", "15", "−0.05"]);
+        assert_eq!(labels(&[1.0, 0.1, 1e-3, 0.0, 15.0]), ["1", "10⁻¹", "10⁻³", "0", "1.5·10¹"]);
+        assert_eq!(labels(&[2e-3, -1e-6, 1e6]), ["2·10⁻³", "−10⁻⁶", "10⁶"]);
     }
 }

@@ -32,18 +32,18 @@ impl Counterpart {
     pub fn of(runs: &[&Run], ablation: bool) -> Self {
         let Some(spec) = runs.first().map(|run| &run.spec) else { return Self::default() };
         let (env, algorithm) = (spec.env.name(), spec.algorithm_name());
-        let mut departures: BTreeSet<String> = runs.iter().flat_map(|run| run.spec.departures()).collect();
-        let value = if ablation && env == reference::ABLATION_ENV && algorithm == "mcpo" {
-            departures.retain(|key| !["mcpo.d", "mcpo.epsilon"].contains(&key.as_str()));
+        let of_ablation = ablation && env == reference::ABLATION_ENV && algorithm == "mcpo";
+        let value = if of_ablation {
             spec.d().zip(spec.epsilon()).and_then(|(d, epsilon)| reference::ablation(d, epsilon))
         } else {
             reference::returns(env).and_then(|row| row.of(algorithm))
         };
-        match value {
-            None => Self::default(),
-            Some(_) if !departures.is_empty() => Self { value: None, departures },
-            value => Self { value, departures },
+        if value.is_none() {
+            return Self::default();
         }
+        let own = |key: &&String| !(of_ablation && ["mcpo.d", "mcpo.epsilon"].contains(&key.as_str()));
+        let departures: BTreeSet<String> = runs.iter().flat_map(|run| run.departures()).filter(own).cloned().collect();
+        Self { value: value.filter(|_| departures.is_empty()), departures }
     }
 }
 

@@ -4,14 +4,15 @@
 //!
 //! A seed's value at a point is the mean over that evaluation's episodes, or over the iterations of a bin of `progress`.
 //! Seeds are the samples of the interval, never episodes. A point exists only where every finished seed of its series
-//! has a value, so that a curve never jumps because a seed is missing; what was left out for that is counted.
+//! has a value, so that a curve never jumps because a seed is missing; what was left out for that is counted. Where a value
+//! cannot be drawn (it is no finite number, or not above 0 on a logarithmic axis) the curve has a gap.
 
 use std::collections::BTreeMap;
 
 use crate::{spec::Figure, stats::t_interval};
 
 use super::{
-    ReportError, axis,
+    axis::{self, Label},
     counterpart::Counterpart,
     recorded::{Recording, Run, demonstrated_return},
 };
@@ -34,8 +35,12 @@ pub struct CurveData {
     pub y_label: String,
     /// Whether the y axis is logarithmic; then means and intervals are of log10, and the mean is geometric.
     pub log_y: bool,
+    /// The column that is drawn, as the file names it.
+    pub y: String,
+    /// What curves are told apart by: the keys of the series' values.
+    pub keys: Vec<String>,
     /// The legend, in order; a curve's index is the same in all panels.
-    pub series: Vec<String>,
+    pub series: Vec<Label>,
     /// One panel an environment.
     pub panels: Vec<Panel>,
 }
@@ -60,12 +65,25 @@ pub struct Curve {
     pub seeds: usize,
     /// Runs that the plan has.
     pub planned: usize,
-    /// Points left out because some finished seed has no value there.
-    pub incomplete: usize,
+    /// Environment steps at which the curve is broken.
+    pub gaps: Vec<f64>,
+    /// Points that do not exist, and why.
+    pub left_out: LeftOut,
     /// The paper's return at the end of training.
     pub paper: Option<f64>,
     /// The tolerance d_k over environment steps, for figures of the MMD.
     pub tolerance: Vec<(f64, f64)>,
+}
+
+/// Points that a curve does not have, by the first reason that holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct LeftOut {
+    /// A finished seed's value is no finite number; a gap.
+    pub not_finite: usize,
+    /// A finished seed's value is not above 0, on a logarithmic axis; a gap.
+    pub not_positive: usize,
+    /// A finished seed has no value there.
+    pub absent: usize,
 }
 
 /// One point of a curve.
@@ -81,14 +99,11 @@ pub struct Point {
 
 impl CurveData {
     /// The curves of `figure` over `runs`, which are those that its `only` selects, in the plan's order.
-    ///
-    /// Errors: `figure.y` is no numeric column of any finished run.
-    pub fn new(figure: &Figure, runs: &[&Run]) -> Result<Self, ReportError> {
+    pub fn new(figure: &Figure, runs: &[&Run]) -> Self {
         let y = match figure.y.as_str() {
             "d" => "d_k", // the tolerance in force; the column `d` is the key, where it starts
             y => y,
         };
-        check_column(&figure.name, y, runs)?;
         let mut keys: Vec<String> = figure.series.iter().filter(|key| *key != "env").cloned().collect();
         let with_env: Vec<String> = keys.iter().cloned().chain(["env".to_owned()]).collect();
         keys.extend(axis::hidden_axes(runs, &with_env));
@@ -107,13 +122,15 @@ impl CurveData {
                 demo: demonstrated_return(&panel.runs).filter(|_| y == "return"),
             }
         });
-        Ok(Self {
+        Self {
             title: figure.title.clone(),
             y_label: y_label(y),
             log_y: figure.log_y,
+            y: figure.y.clone(),
             series: axis::labels(&keys, &series),
             panels: panels.collect(),
-        })
+            keys,
+        }
     }
 }
 
@@ -121,7 +138,7 @@ impl Curve {
     fn new(y: &str, log: bool, runs: &[&Run], ablates: bool) -> Self {
         let finished: Vec<&Recording> = runs.iter().filter_map(|run| run.recording()).collect();
         let seeds: Vec<_> = finished.iter().map(|recording| seed_values(recording, y)).collect();
-        let (points, incomplete) = over_seeds(&seeds, log);
+        let OverSeeds { points, gaps, left_out } = OverSeeds::new(&seeds, log);
         let paper = match y {
             "return" => Counterpart::of(runs, ablates).value.map(|value| value.mean),
             _ => None,
@@ -129,11 +146,24 @@ impl Curve {
         let tolerance = match y {
             "mmd" | "mmd_after" => {
                 let seeds: Vec<_> = finished.iter().map(|recording| seed_values(recording, "d_k")).collect();
-                over_seeds(&seeds, log).0.iter().map(|point| (point.env_steps, point.mean)).collect()
+                OverSeeds::new(&seeds, log).points.iter().map(|point| (point.env_steps, point.mean)).collect()
             }
             _ => Vec::new(),
         };
-        Self { points, seeds: finished.len(), planned: runs.len(), incomplete, paper, tolerance }
+        Self { points, gaps, left_out, seeds: finished.len(), planned: runs.len(), paper, tolerance }
+    }
+
+    /// The points between gaps, in order.
+    pub fn stretches(&self) -> impl Iterator<Item = &[Point]> {
+        self.points.chunk_by(|left, right| !self.gaps.iter().any(|gap| (left.env_steps..right.env_steps).contains(gap)))
+    }
+
+    /// The value of what takes no steps of training, and has one value at all of them.
+    pub fn level(&self) -> Option<&Point> {
+        match self.points.as_slice() {
+            [point] if point.env_steps == 0.0 => Some(point),
+            _ => None,
+        }
     }
 }
 
@@ -162,45 +192,55 @@ fn seed_values(recording: &Recording, y: &str) -> Vec<(u64, f64)> {
     bins.into_iter().map(|(bin, values)| (bin * width + width / 2, mean(&values))).collect()
 }
 
-/// The points at which all `seeds` have a value, and how many others there were. With `log`, statistics are of log10, and
-/// a value that is not positive is none.
-fn over_seeds(seeds: &[Vec<(u64, f64)>], log: bool) -> (Vec<Point>, usize) {
-    let mut values: BTreeMap<u64, Vec<f64>> = BTreeMap::new();
-    for &(env_steps, value) in seeds.iter().flatten() {
-        let at = values.entry(env_steps).or_default();
-        match log {
-            true if value > 0.0 => at.push(value.log10()),
-            true => {}
-            false => at.push(value),
-        }
-    }
-    let all = values.len();
-    let back = |value: f64| if log { 10_f64.powf(value) } else { value };
-    let complete = values.into_iter().filter(|(_, samples)| samples.len() == seeds.len());
-    let points: Vec<Point> = complete
-        .filter_map(|(env_steps, samples)| {
-            let interval = t_interval(&samples, CONFIDENCE)?;
-            let (low, high) = match samples.len() < SEEDS_FOR_BAND {
-                true => samples.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &x| (a.min(x), b.max(x))),
-                false => (interval.low, interval.high),
-            };
-            let band = (samples.len() > 1).then(|| (back(low), back(high)));
-            Some(Point { env_steps: env_steps as f64, mean: back(interval.mean), band })
-        })
-        .collect();
-    let incomplete = all - points.len();
-    (points, incomplete)
+/// The points at which all seeds have a value, and what becomes of the others.
+struct OverSeeds {
+    points: Vec<Point>,
+    gaps: Vec<f64>,
+    left_out: LeftOut,
 }
 
-/// An error where finished runs exist and none has the column.
-fn check_column(figure: &str, y: &str, runs: &[&Run]) -> Result<(), ReportError> {
-    let mut finished = runs.iter().filter_map(|run| run.recording()).peekable();
-    let Some(first) = finished.peek() else { return Ok(()) };
-    let known: Vec<String> = first.progress.keys().cloned().collect();
-    if y == "return" || finished.any(|recording| recording.progress.contains_key(y)) {
-        return Ok(());
+impl OverSeeds {
+    /// With `log`, statistics are of log10, and a value that is not positive cannot be drawn.
+    fn new(seeds: &[Vec<(u64, f64)>], log: bool) -> Self {
+        let mut values: BTreeMap<u64, Vec<f64>> = BTreeMap::new();
+        for &(env_steps, value) in seeds.iter().flatten() {
+            values.entry(env_steps).or_default().push(value);
+        }
+        let mut all = Self { points: Vec::new(), gaps: Vec::new(), left_out: LeftOut::default() };
+        for (env_steps, mut samples) in values {
+            let env_steps = env_steps as f64;
+            if log && samples.iter().any(|&value| value <= 0.0) {
+                all.left_out.not_positive += 1;
+                all.gaps.push(env_steps);
+                continue;
+            }
+            if log {
+                samples.iter_mut().for_each(|value| *value = value.log10());
+            }
+            // The sum too: finite numbers can have an infinite one.
+            if !samples.iter().sum::<f64>().is_finite() {
+                all.left_out.not_finite += 1;
+                all.gaps.push(env_steps);
+            } else if samples.len() < seeds.len() {
+                all.left_out.absent += 1;
+            } else {
+                all.points.extend(point(env_steps, &samples, log));
+            }
+        }
+        all
     }
-    Err(ReportError::NoColumn { figure: figure.to_owned(), column: y.to_owned(), known: known.join(", ") })
+}
+
+/// The mean of `samples`, one a seed, with its band; back from log10 with `log`.
+fn point(env_steps: f64, samples: &[f64], log: bool) -> Option<Point> {
+    let back = |value: f64| if log { 10_f64.powf(value) } else { value };
+    let interval = t_interval(samples, CONFIDENCE)?;
+    let (low, high) = match samples.len() < SEEDS_FOR_BAND {
+        true => samples.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &x| (a.min(x), b.max(x))),
+        false => (interval.low, interval.high),
+    };
+    let band = (samples.len() > 1).then(|| (back(low), back(high)));
+    Some(Point { env_steps, mean: back(interval.mean), band })
 }
 
 fn y_label(y: &str) -> String {
@@ -234,7 +274,7 @@ mod tests {
     }
 
     fn curves(figure: &Figure, runs: &[Run]) -> CurveData {
-        CurveData::new(figure, &runs.iter().collect::<Vec<_>>()).expect("curves")
+        CurveData::new(figure, &runs.iter().collect::<Vec<_>>())
     }
 
     fn close(left: f64, right: f64) -> bool {
@@ -242,10 +282,28 @@ mod tests {
     }
 
     #[test]
-    fn an_unknown_column_is_an_error_that_names_the_known_ones() {
+    fn a_column_that_was_not_recorded_has_no_points() {
         let run = fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 0).finished(&[(10, &[1.0])]).progress("mmd", &[(10, 0.5)]);
-        let error = CurveData::new(&figure("mdd", false), &[&run]).expect_err("no such column");
-        assert!(error.to_string().contains("`mdd`") && error.to_string().contains("mmd"), "{error}");
+        let data = curves(&figure("cloning_loss", false), &[run]);
+        let curve = data.panels[0].curves[0].as_ref().expect("planned");
+        assert_eq!((curve.seeds, curve.points.len(), curve.left_out), (1, 0, LeftOut::default()));
+    }
+
+    #[test]
+    fn a_value_that_cannot_be_drawn_breaks_the_curve_and_keeps_its_seed() {
+        for bad in [f64::NAN, f64::INFINITY] {
+            let runs = [0, 1].map(|seed| {
+                let middle = if seed == 0 { bad } else { 2.0 };
+                let returns: [(u64, &[f64]); 4] = [(10, &[1.0]), (20, &[3.0]), (30, &[middle]), (40, &[9.0])];
+                fixture::mcpo("Hopper-v2", 1e-4, 1e-3, seed).finished(&returns)
+            });
+            let data = curves(&figure("return", false), &runs);
+            let curve = data.panels[0].curves[0].as_ref().expect("a curve");
+            let stretches: Vec<Vec<f64>> =
+                curve.stretches().map(|points| points.iter().map(|point| point.env_steps).collect()).collect();
+            assert_eq!(stretches, [vec![10.0, 20.0], vec![40.0]]);
+            assert_eq!((curve.seeds, curve.left_out), (2, LeftOut { not_finite: 1, ..LeftOut::default() }));
+        }
     }
 
     #[test]
@@ -261,7 +319,8 @@ mod tests {
             curve.points.iter().map(|point| (point.env_steps, point.mean)).collect::<Vec<_>>(),
             [(10.0, 1.5), (30.0, 10.0)]
         );
-        assert_eq!((curve.seeds, curve.planned, curve.incomplete), (2, 3, 1));
+        assert_eq!((curve.seeds, curve.planned, curve.left_out), (2, 3, LeftOut { absent: 1, ..LeftOut::default() }));
+        assert_eq!(curve.stretches().count(), 1, "what was not measured is no gap");
     }
 
     #[test]
@@ -315,7 +374,7 @@ mod tests {
         ];
         let data = curves(&figure("mmd", true), &runs);
         let curve = data.panels[0].curves[0].as_ref().expect("a curve");
-        assert_eq!((curve.points.len(), curve.incomplete), (1, 1));
+        assert_eq!((curve.points.len(), curve.left_out.not_positive, curve.gaps.as_slice()), (1, 1, &[20.0][..]));
         assert!(close(curve.points[0].mean, 1e-3));
     }
 
@@ -339,7 +398,8 @@ mod tests {
             fixture::ppo("Ant-v2", 0),
         ];
         let data = curves(&figure("return", false), &runs);
-        assert_eq!(data.series, ["MCPO, d = 10⁻⁴", "PPO"]);
+        let series: Vec<&str> = data.series.iter().map(|label| label.text.as_str()).collect();
+        assert_eq!(series, ["MCPO, d = 10⁻⁴", "PPO"]);
         assert_eq!(data.panels.iter().map(|panel| panel.title.as_str()).collect::<Vec<_>>(), ["Hopper-v2", "Ant-v2"]);
         assert!(data.panels[0].curves[1].is_none());
         let ppo = data.panels[1].curves[1].as_ref().expect("planned");

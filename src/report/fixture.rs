@@ -37,13 +37,21 @@ pub fn run(algorithm: &str, axes: &str) -> Run {
     );
     let spec = spec::parse(Path::new("made-up.toml"), &text, &Overrides::default()).expect("a valid file");
     let spec = plan(&spec).expect("a plan").pop().expect("one run");
-    Run { spec, state: State::Missing }.budget(100) // less than a rollout, which no matrix may ask for
+    Run::new(spec, State::Missing).budget(100) // less than a rollout, which no matrix may ask for
 }
 
 impl Run {
     /// The same with another budget.
     pub fn budget(mut self, env_steps: i64) -> Self {
         self.spec.budget.env_steps = constant(env_steps);
+        Self::new(self.spec, self.state)
+    }
+
+    /// The same, computed by these versions.
+    pub fn by(mut self, versions: serde_json::Value) -> Self {
+        if let State::Finished(recording) = &mut self.state {
+            recording.versions = versions;
+        }
         self
     }
 
@@ -93,7 +101,7 @@ pub fn record(run: &Run, results: &Path) {
     let build = Build {
         program: "0".into(),
         executable: String::new(),
-        versions: serde_json::Value::Null,
+        versions: run.recording().map(|recording| recording.versions.clone()).unwrap_or_default(),
         cpu_class: String::new(),
         libm: String::new(),
     };
@@ -118,7 +126,7 @@ pub fn record(run: &Run, results: &Path) {
     };
     let mut manifest = Manifest::new(stamp.clone());
     manifest.outcome = match &run.state {
-        State::Missing => Outcome::Begun,
+        State::Missing | State::Differs { .. } => Outcome::Begun,
         State::Failed { error } => Outcome::Failed { error: error.clone(), log_tail: Vec::new() },
         State::Finished(recording) => {
             let episodes: Vec<EvaluationEpisode> = recording

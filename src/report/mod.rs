@@ -5,6 +5,7 @@
 //! which the modules `figure` and `text` only show.
 
 mod axis;
+mod comparable;
 mod counterpart;
 mod curve;
 mod figure;
@@ -13,15 +14,18 @@ mod fixture;
 mod notes;
 mod recorded;
 pub mod reference;
+mod scope;
 mod table;
 mod text;
 mod write;
 
-use std::io;
+use std::{io, path::PathBuf};
 
-pub use curve::{Curve, CurveData, Panel, Point};
+pub use axis::Label;
+pub use curve::{Curve, CurveData, LeftOut, Panel, Point};
 pub use figure::{BLACK, PALETTE, picture};
-pub use recorded::{Evaluation, Recording, Run, State, load};
+pub use recorded::{Evaluation, Loaded, Recording, Run, State, load};
+pub use scope::Scope;
 pub use table::{Best, Cell, Row, TableData, Verdict};
 pub use text::terminal;
 pub use write::{Written, write};
@@ -40,15 +44,23 @@ pub enum ReportError {
     /// `only` of a figure or table cannot be understood.
     #[error("`only`: {0}")]
     Selection(#[from] SelectionError),
-    /// A figure asks for a column that no run has.
-    #[error("the figure {figure}: no finished run has a column `{column}` of numbers; known: return, {known}")]
-    NoColumn {
-        /// The figure's name.
-        figure: String,
-        /// As it was asked for.
-        column: String,
-        /// The columns that there are.
-        known: String,
+    /// There is nothing to report.
+    #[error("{experiment}: nothing is recorded under {}", results.display())]
+    NothingRecorded {
+        /// The experiment.
+        experiment: String,
+        /// The folder of all results.
+        results: PathBuf,
+    },
+    /// The selection means no run.
+    #[error("{experiment}: none of the {runs} runs match --only {only}")]
+    NoneMatch {
+        /// The experiment.
+        experiment: String,
+        /// How many runs it has.
+        runs: usize,
+        /// The selection.
+        only: String,
     },
     /// A picture cannot be encoded.
     #[error("cannot draw a figure: {0}")]

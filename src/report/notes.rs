@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::{
-    axis,
+    axis, comparable,
     recorded::{Run, State, demonstrated_return},
     reference,
     table::{Cell, Row},
@@ -15,19 +15,18 @@ const ENOUGH_SEEDS: usize = 10;
 /// The notes of a table over `runs`, whose rows are `rows`.
 pub fn of_table(runs: &[&Run], rows: &[Row]) -> Vec<String> {
     let cells: Vec<&Cell> = rows.iter().flat_map(|row| row.cells.iter().flatten()).collect();
-    let finished = runs.iter().filter(|run| run.recording().is_some()).count();
-    let mut notes = vec![format!("{finished} of {} finished.", count(runs.len(), "run"))];
+    let mut notes = vec![finished(runs.iter().copied(), runs.len())];
     notes.push(
         "Ours: mean ± half-width of the 95 % Student t interval over seeds, of the dense return of the final evaluation \
          (a seed's value is the mean over its episodes)."
             .to_owned(),
     );
     if cells.iter().any(|cell| cell.paper.is_some()) {
-        notes.push(
-            "The paper's: mean ± standard deviation over 50 episodes under the best policy of five seeds; best seed is \
-             ours in the same way. Consistent: the paper's value could be one more of our seeds."
-                .to_owned(),
-        );
+        notes.push(format!(
+            "The paper's: mean ± standard deviation over 50 episodes under the best policy of five seeds; {}. Consistent: \
+             the paper's value could be one more of our seeds.",
+            best_seed(cells.iter().filter(|cell| cell.paper.is_some()).map(|cell| cell.seeds))
+        ));
     }
     let departures: BTreeSet<&str> = cells.iter().flat_map(|cell| &cell.departures).map(String::as_str).collect();
     if !departures.is_empty() {
@@ -46,15 +45,57 @@ pub fn of_table(runs: &[&Run], rows: &[Row]) -> Vec<String> {
     notes.push(format!("Budget: {} environment steps.", span(runs, |run| run.spec.budget.env_steps.get(), steps)));
     let episodes = span(runs, |run| run.spec.evaluation.final_episodes.get(), |episodes| episodes.to_string());
     notes.push(format!("Final evaluation: {episodes} episodes with the mean action."));
-    notes.extend(few_seeds(cells.iter().map(|cell| cell.planned)));
+    notes.extend(few_seeds(cells.iter().map(|cell| cell.seeds)));
     notes.extend(readings(runs));
     notes.extend(failures(runs));
     notes
 }
 
-/// What to think of intervals where the cell with the fewest `seeds` has few.
+/// `2 of 4 runs finished.`, and of how many what is recorded was made by another specification, with the keys that differ.
+pub fn finished<'a>(runs: impl Iterator<Item = &'a Run>, planned: usize) -> String {
+    let (mut finished, mut differing) = (0, 0);
+    let mut keys: Vec<String> = Vec::new();
+    for run in runs {
+        match &run.state {
+            State::Finished(_) => finished += 1,
+            State::Differs { changes } => {
+                differing += 1;
+                keys.extend(changes.iter().map(|change| format!("`{}`", comparable::key(change))));
+            }
+            State::Missing | State::Failed { .. } => {}
+        }
+    }
+    keys.sort();
+    keys.dedup();
+    let left_out = match differing {
+        0 => String::new(),
+        1 => format!("; 1 was recorded with another {}", listed(&keys)),
+        _ => format!("; {differing} were recorded with another {}", listed(&keys)),
+    };
+    format!("{finished} of {} finished{left_out}.", count(planned, "run"))
+}
+
+/// The first few of a list, and how many more there are.
+pub fn listed(list: &[String]) -> String {
+    const SHOWN: usize = 6;
+    let shown = list[..list.len().min(SHOWN)].join(", ");
+    if list.len() > SHOWN { format!("{shown} and {} more", list.len() - SHOWN) } else { shown }
+}
+
+/// What the best of `seeds` is beside the paper's, which is the best of five.
+fn best_seed(seeds: impl Iterator<Item = usize>) -> String {
+    let seeds: BTreeSet<usize> = seeds.filter(|seeds| *seeds > 0).collect();
+    match (seeds.first(), seeds.last()) {
+        (Some(5), Some(5)) | (None, _) => "best seed is ours in the same way".to_owned(),
+        (Some(1), Some(1)) => "best seed is ours of one seed alone".to_owned(),
+        (Some(fewest), Some(most)) if fewest < most => format!("best seed is ours of {fewest} to {most} seeds"),
+        (Some(seeds), _) => format!("best seed is ours of {seeds} seeds"),
+    }
+}
+
+/// What to think of intervals where the cell with the fewest finished `seeds` has few; one without any has no interval.
 fn few_seeds(seeds: impl Iterator<Item = usize>) -> Option<String> {
-    let fewest = seeds.min().unwrap_or(0);
+    let fewest = seeds.filter(|seeds| *seeds > 0).min()?;
     (fewest < ENOUGH_SEEDS).then(|| {
         format!(
             "Fewer than {ENOUGH_SEEDS} seeds ({fewest}): the intervals hold for normal samples only, and say little of small differences."
@@ -79,9 +120,9 @@ fn demonstrations(runs: &[&Run], compares: bool) -> Option<String> {
 fn readings(runs: &[&Run]) -> Option<String> {
     let mut readings: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
     for run in runs {
-        if let Some(samples) = run.spec.value("mmd.samples") {
+        if let Some(samples) = run.value("mmd.samples") {
             let name = axis::display_name(run.spec.algorithm_name()).to_owned();
-            readings.entry(name).or_default().insert(axis::value_label(&samples));
+            readings.entry(name).or_default().insert(axis::Notation::Digits.label(&samples));
         }
     }
     let list: Vec<String> = readings
@@ -95,7 +136,7 @@ fn readings(runs: &[&Run]) -> Option<String> {
 fn failures(runs: &[&Run]) -> Vec<String> {
     let failed = runs.iter().filter_map(|run| match &run.state {
         State::Failed { error } => Some(format!("Failed: {}: {error}", run.spec.id)),
-        State::Missing | State::Finished(_) => None,
+        State::Missing | State::Differs { .. } | State::Finished(_) => None,
     });
     failed.collect()
 }
@@ -150,7 +191,53 @@ mod tests {
     #[test]
     fn intervals_of_few_seeds_are_warned_of_though_other_cells_have_many() {
         assert_eq!(few_seeds([10, 15].into_iter()), None);
+        assert_eq!(few_seeds([0, 0].into_iter()), None, "there are no intervals");
+        assert!(few_seeds([0, 3].into_iter()).is_some_and(|note| note.starts_with("Fewer than 10 seeds (3)")));
         assert!(few_seeds([15, 5].into_iter()).is_some_and(|note| note.starts_with("Fewer than 10 seeds (5)")));
+    }
+
+    #[test]
+    fn finished_seeds_are_counted_not_planned_ones() {
+        let runs: Vec<Run> = (0..12).map(|seed| fixture::ppo("Hopper-v2", seed)).collect();
+        let few = |finished: usize| {
+            let ended = |(index, run): (usize, &Run)| match index < finished {
+                true => run.clone().finished(&[(100, &[1.0])]),
+                false => run.clone(),
+            };
+            let runs: Vec<Run> = runs.iter().enumerate().map(ended).collect();
+            let table = crate::spec::Table {
+                name: "t".into(),
+                title: "T".into(),
+                rows: vec!["env".into()],
+                columns: "algorithm".into(),
+                only: None,
+                reference: Some("table3".into()),
+            };
+            crate::report::TableData::new(&table, &runs.iter().collect::<Vec<_>>()).notes.join("\n")
+        };
+        assert!(few(3).contains("Fewer than 10 seeds (3)") && few(3).contains("best seed is ours of 3 seeds."));
+        assert!(few(5).contains("best seed is ours in the same way."));
+        assert!(!few(10).contains("Fewer than"), "{}", few(10));
+    }
+
+    #[test]
+    fn what_was_recorded_otherwise_is_counted_with_its_key() {
+        let differs = |changes: &[&str]| {
+            let changes = changes.iter().map(|change| (*change).to_owned()).collect();
+            Run::new(fixture::ppo("Hopper-v2", 0).spec, State::Differs { changes })
+        };
+        let runs = [
+            fixture::ppo("Hopper-v2", 0).finished(&[(100, &[1.0])]),
+            differs(&["ppo.clip: 0.2 -> 0.9"]),
+            differs(&["ppo.clip: 0.2 -> 0.9"]),
+            fixture::ppo("Hopper-v2", 1),
+        ];
+        assert_eq!(finished(runs.iter(), 4), "1 of 4 runs finished; 2 were recorded with another `ppo.clip`.");
+        let both = differs(&["ppo.clip: 0.2 -> 0.9", "reward: 1 -> 2"]);
+        assert_eq!(
+            finished([both].iter(), 1),
+            "0 of 1 run finished; 1 was recorded with another `ppo.clip`, `reward`."
+        );
     }
 
     #[test]
@@ -163,7 +250,8 @@ mod tests {
         assert_eq!(told(true), "Dense return of the demonstration: Hopper-v2 974.50 (the paper's 969.71).");
         // A table of one column is a list, which has no such column.
         let notes = |columns| {
-            let row = Row { labels: vec![], demo: Some(974.5), paper_demo: None, cells: vec![None; columns] };
+            let row =
+                Row { labels: vec![], values: vec![], demo: Some(974.5), paper_demo: None, cells: vec![None; columns] };
             of_table(&[&run], &[row]).join("\n")
         };
         assert!(notes(1).contains("Hopper-v2 974.50") && !notes(1).contains("Demo: "), "{}", notes(1));

@@ -1,56 +1,98 @@
 //! The runs of an experiment as they lie on the disk.
 //!
-//! Owns what the report takes from the recorded files: final and intermediate returns, and the numeric columns of progress.
-//! Knows nothing of figures or tables. Start at [`load`].
+//! Owns what the report takes from the recorded files: final and intermediate returns, and the numeric columns of progress. A
+//! run whose files are damaged, or whose final return is no number, is a run that failed. Knows nothing of figures or tables,
+//! nor of which runs may be averaged, which is `comparable`'s. Start at [`load`].
 
-use std::{collections::BTreeMap, fs::File, path::Path};
+use std::{
+    cell::OnceCell,
+    collections::{BTreeMap, BTreeSet},
+    fs::File,
+    path::Path,
+};
 
 use polars::prelude::{DataType, ParquetReader, PolarsResult, SerReader};
 
+use super::comparable;
 use crate::{
-    plan::{self, RunSpec},
-    record::{Demonstrated, Manifest, Outcome, RecordError, RunPaths, Stamp, rows},
+    plan::{self, RunSpec, Values},
+    record::{Demonstrated, Manifest, Outcome, RecordError, RunPaths, rows},
 };
+
+/// The runs of a plan, as far as they are recorded.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Loaded {
+    /// One a planned run, in the plan's order.
+    pub runs: Vec<Run>,
+    /// What a reader must know of all of them, a sentence each.
+    pub remarks: Vec<String>,
+}
 
 /// What `plan`, one experiment's runs, left under the folder `results`. Progress is read only if it is asked for.
 ///
-/// A run that has ended comes with the specification that was recorded, since the one of today may have another budget.
+/// What was recorded by another specification than the plan's is told apart ([`State::Differs`]). A file that cannot be read
+/// makes its run a failed one.
 ///
-/// Errors: a file of an ended run cannot be read, or is not what its name says.
-pub fn load(plan: &[RunSpec], results: &Path, progress: bool) -> Result<Vec<Run>, RecordError> {
-    plan.iter().map(|spec| load_run(spec, results, progress)).collect()
+/// Errors: a run's id leads out of the folder.
+pub fn load(plan: &[RunSpec], results: &Path, progress: bool) -> Result<Loaded, RecordError> {
+    let mut runs = Vec::with_capacity(plan.len());
+    for planned in plan {
+        let paths = RunPaths::new(results, &planned.experiment, &planned.id)?;
+        let run = load_run(planned, &paths, progress);
+        runs.push(run.unwrap_or_else(|error| Run::new(planned.clone(), State::Failed { error: error.to_string() })));
+    }
+    let remarks = comparable::tell_apart(plan, &mut runs);
+    Ok(Loaded { runs, remarks })
 }
 
-fn load_run(planned: &RunSpec, results: &Path, progress: bool) -> Result<Run, RecordError> {
-    let paths = RunPaths::new(results, &planned.experiment, &planned.id)?;
-    let Some(manifest) = paths.ended()? else {
-        return Ok(Run { spec: planned.clone(), state: State::Missing });
+fn load_run(planned: &RunSpec, paths: &RunPaths, progress: bool) -> Result<Run, RecordError> {
+    let as_planned = |state| Run::new(planned.clone(), state);
+    let Some(manifest) = paths.ended()? else { return Ok(as_planned(State::Missing)) };
+    let recorded = match plan::recorded(&manifest.stamp.spec) {
+        Ok(recorded) => recorded,
+        Err(_) => return Ok(as_planned(State::Differs { changes: vec![comparable::FORMAT.to_owned()] })),
     };
-    let spec = recorded_spec(&manifest, &paths)?;
-    let state = match manifest.outcome {
-        Outcome::Begun => State::Missing,
-        Outcome::Failed { error, .. } => State::Failed { error },
+    let changes = comparable::changes(&recorded, planned);
+    if !changes.is_empty() {
+        return Ok(as_planned(State::Differs { changes }));
+    }
+    match &manifest.outcome {
+        Outcome::Begun => Ok(as_planned(State::Missing)),
+        Outcome::Failed { error, .. } => Ok(as_planned(State::Failed { error: error.clone() })),
         Outcome::Finished => {
-            let episodes = rows::read_evaluations(&RunPaths::evaluations(&paths.complete))?;
-            let evaluations = episodes.iter().map(|episode| Evaluation {
-                env_steps: episode.env_steps,
-                last: episode.last,
-                dense_return: episode.dense_return,
-            });
-            let file = RunPaths::progress(&paths.complete);
-            let progress = if progress { numbers(&file)? } else { BTreeMap::new() };
-            let Stamp { demonstration, demonstrated, .. } = manifest.stamp;
-            State::Finished(Recording { evaluations: evaluations.collect(), progress, demonstration, demonstrated })
+            let recording = match recording(manifest, paths, progress)? {
+                Ok(recording) => recording,
+                Err(error) => return Ok(as_planned(State::Failed { error })),
+            };
+            // What does not make it another run (its budget, how it was evaluated) is told as it was, not as it is planned.
+            let (experiment, id, axes) = (planned.experiment.clone(), planned.id.clone(), planned.axes.clone());
+            Ok(Run::new(RunSpec { experiment, id, axes, ..recorded }, State::Finished(recording)))
         }
-    };
-    Ok(Run { spec, state })
+    }
 }
 
-fn recorded_spec(manifest: &Manifest, paths: &RunPaths) -> Result<RunSpec, RecordError> {
-    plan::recorded(&manifest.stamp.spec).map_err(|error| RecordError::Malformed {
-        path: RunPaths::manifest(&paths.complete),
-        expected: "the manifest of a run that this program can read",
-        reason: error.to_string(),
+/// What a finished run recorded, or why that is no result.
+fn recording(manifest: Manifest, paths: &RunPaths, progress: bool) -> Result<Result<Recording, String>, RecordError> {
+    let episodes = rows::read_evaluations(&RunPaths::evaluations(&paths.complete))?;
+    let evaluations = episodes.iter().map(|episode| Evaluation {
+        env_steps: episode.env_steps,
+        last: episode.last,
+        dense_return: episode.dense_return,
+    });
+    let file = RunPaths::progress(&paths.complete);
+    let progress = if progress { numbers(&file)? } else { BTreeMap::new() };
+    let recording = Recording {
+        evaluations: evaluations.collect(),
+        progress,
+        demonstration: manifest.stamp.demonstration,
+        demonstrated: manifest.stamp.demonstrated,
+        versions: manifest.stamp.build.versions,
+    };
+    let returns = recording.final_returns();
+    Ok(match returns.iter().find(|value| !value.is_finite()) {
+        Some(value) => Err(format!("the return of its final evaluation is {value}")),
+        None if returns.is_empty() => Err("it has no final evaluation".to_owned()),
+        None => Ok(recording),
     })
 }
 
@@ -77,10 +119,12 @@ fn numbers(path: &Path) -> Result<BTreeMap<String, Vec<Option<f64>>>, RecordErro
 /// One run of the plan, and what became of it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Run {
-    /// What it was to be.
+    /// What it was to be; of a finished run, what it was.
     pub spec: RunSpec,
     /// What became of it.
     pub state: State,
+    values: Values,
+    departures: OnceCell<BTreeSet<String>>,
 }
 
 /// What became of a run.
@@ -92,6 +136,11 @@ pub enum State {
     Failed {
         /// The cause, in a sentence.
         error: String,
+    },
+    /// What is recorded was made by another specification.
+    Differs {
+        /// What differs, as `key: recorded -> planned`.
+        changes: Vec<String>,
     },
     /// It used its budget.
     Finished(Recording),
@@ -108,6 +157,8 @@ pub struct Recording {
     pub demonstration: Option<String>,
     /// What that demonstration holds; absent for an algorithm without one, and where an older program recorded the run.
     pub demonstrated: Option<Demonstrated>,
+    /// The versions of what computes numbers.
+    pub versions: serde_json::Value,
 }
 
 /// One evaluation episode.
@@ -122,12 +173,28 @@ pub struct Evaluation {
 }
 
 impl Run {
+    /// The run `spec`, of which `state` became.
+    pub fn new(spec: RunSpec, state: State) -> Self {
+        let values = spec.values();
+        Self { spec, state, values, departures: OnceCell::new() }
+    }
+
     /// What it recorded, if it finished.
     pub fn recording(&self) -> Option<&Recording> {
         match &self.state {
             State::Finished(recording) => Some(recording),
-            State::Missing | State::Failed { .. } => None,
+            State::Missing | State::Failed { .. } | State::Differs { .. } => None,
         }
+    }
+
+    /// As [`RunSpec::value`], without making its tables again.
+    pub fn value(&self, key: &str) -> Option<toml::Value> {
+        self.values.get(key)
+    }
+
+    /// As [`RunSpec::departures`], computed once.
+    pub fn departures(&self) -> &BTreeSet<String> {
+        self.departures.get_or_init(|| self.spec.departures())
     }
 }
 
@@ -155,16 +222,54 @@ mod tests {
     use super::*;
     use crate::report::fixture;
 
+    fn loaded(run: &Run, folder: &Path) -> Run {
+        load(std::slice::from_ref(&run.spec), folder, true).expect("a good id").runs.remove(0)
+    }
+
+    fn failure(run: &Run) -> &str {
+        match &run.state {
+            State::Failed { error } => error,
+            other => panic!("it did not fail: {other:?}"),
+        }
+    }
+
     #[test]
-    fn a_damaged_file_is_an_error_that_names_it() {
+    fn a_damaged_file_is_one_failed_run_that_names_it() {
         let folder = tempfile::tempdir().expect("a folder");
-        let run = fixture::ppo("Hopper-v2", 0).finished(&[(100, &[1.0])]).progress("kl", &[(10, 0.5)]);
+        let good = fixture::ppo("Hopper-v2", 1).finished(&[(100, &[1.0])]).progress("kl", &[(10, 0.5)]);
+        fixture::record(&good, folder.path());
+        for name in ["progress.parquet", "evaluations.parquet", "run.json"] {
+            let run = fixture::ppo("Hopper-v2", 0).finished(&[(100, &[1.0])]).progress("kl", &[(10, 0.5)]);
+            fixture::record(&run, folder.path());
+            let paths = RunPaths::new(folder.path(), &run.spec.experiment, &run.spec.id).expect("a good id");
+            let bytes = std::fs::read(paths.complete.join(name)).expect("it was written");
+            std::fs::write(paths.complete.join(name), &bytes[..bytes.len() / 2]).expect("written");
+            let runs = load(&[run.spec.clone(), good.spec.clone()], folder.path(), true).expect("good ids").runs;
+            assert!(failure(&runs[0]).contains(name), "{name}: {}", failure(&runs[0]));
+            assert!(runs[1].recording().is_some(), "{name}");
+        }
+        let run = fixture::ppo("Hopper-v2", 0).finished(&[(100, &[1.0])]);
         fixture::record(&run, folder.path());
         let paths = RunPaths::new(folder.path(), &run.spec.experiment, &run.spec.id).expect("a good id");
         std::fs::write(RunPaths::progress(&paths.complete), "not Parquet").expect("written");
-        let error = load(std::slice::from_ref(&run.spec), folder.path(), true).expect_err("damaged");
-        assert!(error.to_string().contains("progress.parquet"), "{error}");
-        assert!(load(&[run.spec], folder.path(), false).is_ok(), "progress was not asked for");
+        let runs = load(&[run.spec], folder.path(), false).expect("a good id").runs;
+        assert!(runs[0].recording().is_some(), "progress was not asked for");
+    }
+
+    #[test]
+    fn a_final_return_that_is_no_number_is_a_failure_and_an_earlier_one_is_not() {
+        let folder = tempfile::tempdir().expect("a folder");
+        for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            let run = fixture::ppo("Hopper-v2", 0).finished(&[(50, &[1.0]), (100, &[1.0, bad])]);
+            fixture::record(&run, folder.path());
+            assert_eq!(failure(&loaded(&run, folder.path())), format!("the return of its final evaluation is {bad}"));
+            let run = fixture::ppo("Hopper-v2", 0).finished(&[(50, &[bad]), (100, &[1.0])]);
+            fixture::record(&run, folder.path());
+            assert!(loaded(&run, folder.path()).recording().is_some());
+        }
+        let run = fixture::ppo("Hopper-v2", 0).finished(&[]);
+        fixture::record(&run, folder.path());
+        assert_eq!(failure(&loaded(&run, folder.path())), "it has no final evaluation");
     }
 
     #[test]
@@ -195,7 +300,7 @@ mod tests {
         fixture::record(&finished, folder.path());
         fixture::record(&failed, folder.path());
         let plan = [&finished, &failed, &missing].map(|run| run.spec.clone());
-        let runs = load(&plan, folder.path(), true).expect("readable");
+        let runs = load(&plan, folder.path(), true).expect("readable").runs;
         assert_eq!(runs[1..], [failed, missing]);
         let (read, written) = (runs[0].recording().expect("finished"), finished.recording().expect("finished"));
         assert_eq!(read.evaluations, written.evaluations);
@@ -207,11 +312,27 @@ mod tests {
     }
 
     #[test]
-    fn the_recorded_budget_counts_not_the_planned_one() {
+    fn a_figure_can_draw_every_column_of_numbers_and_no_other() {
         let folder = tempfile::tempdir().expect("a folder");
-        let run = fixture::ppo("Hopper-v2", 0).finished(&[(100, &[1.0])]);
+        let run = fixture::ppo("Hopper-v2", 0).finished(&[(100, &[1.0])]).progress("kl", &[(10, 0.5)]);
         fixture::record(&run, folder.path());
-        let runs = load(&[run.budget(999).spec], folder.path(), false).expect("readable");
-        assert_eq!(runs[0].spec.budget.env_steps.get(), 100);
+        let paths = RunPaths::new(folder.path(), &run.spec.experiment, &run.spec.id).expect("a good id");
+        let columns = numbers(&RunPaths::progress(&paths.complete)).expect("readable");
+        let parsed = |y: &str| {
+            let text = format!(
+                "name = 'x'\nbudget.env_steps = 4096\n[[matrix]]\nseed = [0]\nenv = ['Hopper-v2']\nalgorithm = ['ppo']\n\
+                 [[figures]]\nname = 'f'\ntitle = ''\nseries = []\ny = '{y}'"
+            );
+            let overrides = crate::spec::Overrides::default();
+            crate::spec::parse(Path::new("x.toml"), &text, &overrides).map_err(|errors| errors.render(false))
+        };
+        // What every row begins with is no measurement; `d_k` is called `d`.
+        let keys = ["d", "epsilon", "seed", "env_steps", "d_k"];
+        for column in columns.keys().filter(|column| !keys.contains(&column.as_str())).map(String::as_str).chain(["d"])
+        {
+            assert!(parsed(column).is_ok(), "{column}: {:?}", parsed(column));
+        }
+        let error = parsed("case").expect_err("it holds words");
+        assert!(error.contains("`case` holds words; a figure draws numbers"), "{error}");
     }
 }

@@ -13,14 +13,14 @@
 //! five lies above the mean of five, so a verdict of "below" weighs less than one of "above". With fewer than three
 //! finished seeds, or fewer steps than [`reference::assumed_budget`], it is **not comparable**, and the reason is given.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashMap};
 
 use crate::stats::{Interval, t_interval};
 
 use crate::spec::Table;
 
 use super::{
-    axis,
+    axis::{self, Label},
     counterpart::Counterpart,
     curve::{CONFIDENCE, mean},
     notes,
@@ -39,12 +39,12 @@ const ROUNDING: f64 = 0.005;
 pub struct TableData {
     /// Above the table.
     pub title: String,
-    /// What the rows are told apart by, in words.
+    /// What the rows are told apart by, as the file names it.
     pub row_keys: Vec<String>,
-    /// What the columns are told apart by, in words.
-    pub column_key: String,
-    /// One label a column.
-    pub columns: Vec<String>,
+    /// What the columns are told apart by: first what was asked for, then what else varies.
+    pub column_keys: Vec<String>,
+    /// One a column.
+    pub columns: Vec<Label>,
     /// The rows, in the plan's order.
     pub rows: Vec<Row>,
     /// Budget, seeds, readings and failures, a sentence each.
@@ -54,8 +54,10 @@ pub struct TableData {
 /// One row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row {
-    /// The value of each row key; empty where the runs do not have that axis.
+    /// What the value of each row key is called; empty where the runs do not have that axis.
     pub labels: Vec<String>,
+    /// The value of each row key.
+    pub values: Vec<Option<toml::Value>>,
     /// The return of the demonstration that the row's runs learned from, where the row is one environment.
     pub demo: Option<f64>,
     /// The same in the paper, where the table is compared with one of the paper's.
@@ -133,32 +135,38 @@ impl TableData {
         column_keys.extend(others);
 
         let columns = axis::group(runs, &column_keys);
-        let rows = axis::group(runs, &row_keys).into_iter().map(|row| {
-            let cell = |column: &axis::Group<'_>| {
-                let runs: Vec<&Run> = row.runs.iter().copied().filter(|run| column.runs.contains(run)).collect();
-                (!runs.is_empty()).then(|| Cell::new(table.reference.as_deref(), &runs))
-            };
-            let one_env = row_keys.iter().any(|key| key == "env");
+        let numbered = columns.iter().enumerate();
+        let column_of: HashMap<&str, usize> = numbered
+            .flat_map(|(index, column)| column.runs.iter().map(move |run| (run.spec.id.as_str(), index)))
+            .collect();
+        let groups = axis::group(runs, &row_keys);
+        let labels = axis::value_labels(&groups);
+        let one_env = row_keys.iter().any(|key| key == "env");
+        let rows = groups.iter().zip(labels).map(|(row, labels)| {
+            let mut cells: Vec<Vec<&Run>> = vec![Vec::new(); columns.len()];
+            for run in &row.runs {
+                cells[column_of[run.spec.id.as_str()]].push(run);
+            }
             let paper =
                 reference::returns(row.runs[0].spec.env.name()).filter(|_| one_env && table.reference.is_some());
             Row {
-                labels: row
-                    .values
-                    .iter()
-                    .map(|value| value.as_ref().map_or(String::new(), axis::value_label))
-                    .collect(),
+                labels: labels.into_iter().map(Option::unwrap_or_default).collect(),
+                values: row.values.clone(),
                 demo: demonstrated_return(&row.runs).filter(|_| one_env),
                 paper_demo: paper.map(|row| row.demo),
-                cells: columns.iter().map(cell).collect(),
+                cells: cells
+                    .iter()
+                    .map(|runs| (!runs.is_empty()).then(|| Cell::new(table.reference.as_deref(), runs)))
+                    .collect(),
             }
         });
         let rows: Vec<Row> = rows.collect();
         Self {
             title: table.title.clone(),
-            row_keys: row_keys.iter().map(|key| axis::key_label(key)).collect(),
-            column_key: axis::key_label(&table.columns),
             columns: axis::labels(&column_keys, &columns),
             notes: notes::of_table(runs, &rows),
+            row_keys,
+            column_keys,
             rows,
         }
     }
@@ -258,6 +266,17 @@ mod tests {
     }
 
     #[test]
+    fn a_seed_with_a_nan_on_the_way_keeps_its_place_in_its_cell() {
+        let run = |seed, middle| {
+            let returns: [(u64, &[f64]); 2] = [(50, &[middle]), (100, &[seed as f64])];
+            fixture::ppo("Hopper-v2", seed).finished(&returns).progress("value_loss", &[(10, middle)])
+        };
+        let data = table(&comparison(), &[run(1, 1.0), run(2, f64::NAN), run(3, 1.0)]);
+        let cell = only_cell(&data);
+        assert_eq!((cell.seeds, cell.ours.map(|ours| ours.mean)), (3, Some(2.0)));
+    }
+
+    #[test]
     fn a_cell_without_finished_runs_has_no_numbers() {
         let data = table(&comparison(), &[fixture::ppo("Hopper-v2", 0)]);
         let cell = only_cell(&data);
@@ -303,7 +322,8 @@ mod tests {
             fixture::ppo("Hopper-v2", 0),
         ];
         let data = table(&comparison(), &runs);
-        assert_eq!(data.columns, ["MCPO, d = 10⁻⁴", "MCPO, d = 0.01", "PPO"]);
+        let columns: Vec<&str> = data.columns.iter().map(|column| column.text.as_str()).collect();
+        assert_eq!(columns, ["MCPO, d = 10⁻⁴", "MCPO, d = 10⁻²", "PPO"]);
         let papers: Vec<_> = data.rows[0].cells.iter().flatten().map(|cell| cell.paper.map(|p| p.mean)).collect();
         assert_eq!(papers, [Some(1897.69), None, Some(17.09)], "only Table 2's setting is the paper's MCPO");
         assert!(data.notes.iter().any(|note| note.ends_with("have none beside them: mcpo.d.")), "{:?}", data.notes);
@@ -315,7 +335,7 @@ mod tests {
         let ablation = Table { rows, reference: Some("table5".into()), ..comparison() };
         let runs = [fixture::mcpo("HalfCheetah-v2", 1e-3, 1e-3, 0), fixture::mcpo("HalfCheetah-v2", 1e-6, 0.0, 0)];
         let data = table(&ablation, &runs);
-        assert_eq!(data.row_keys, ["d", "ε"]);
+        assert_eq!(data.row_keys, ["d", "epsilon"]);
         assert_eq!(data.rows.iter().map(|row| row.labels.join(" ")).collect::<Vec<_>>(), ["10⁻³ 10⁻³", "10⁻⁶ 0"]);
         assert_eq!(only_cell(&data).paper.map(|paper| paper.mean), Some(3286.78));
         assert_eq!((data.rows[0].demo, data.rows[0].paper_demo), (None, None));

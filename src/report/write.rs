@@ -1,21 +1,22 @@
 //! The files of a report.
 
 use std::{
-    collections::BTreeSet,
+    collections::{BTreeMap, BTreeSet},
     fs,
     path::{Path, PathBuf},
 };
 
 use crate::{
     env::EnvId,
+    escape,
     plan::{self, RunSpec, Selection},
     record::{self, RecordError},
     spec::{ExperimentSpec, Figure, Table},
 };
 
 use super::{
-    CurveData, ReportError, TableData, figure, notes,
-    recorded::{self, Run, State},
+    CurveData, ReportError, Scope, TableData, axis, figure, notes,
+    recorded::{self, Loaded, Run, State},
     text,
 };
 
@@ -26,29 +27,40 @@ pub struct Written {
     pub files: Vec<PathBuf>,
     /// The tables.
     pub tables: Vec<TableData>,
-    /// `12 of 35 runs finished`, with what failed.
+    /// `12 of 35 runs finished`, with what failed and what was left out.
     pub state: String,
 }
 
-/// Makes the report of `spec` from what is recorded under `results`, and writes it to `results/<experiment>/report`.
+/// Makes the report of `spec`, or of the part of it that `scope` says, from what is recorded under `results`, and writes it to
+/// `results/<experiment>/report`, or beside it ([`Scope::folder`]). Files of an earlier report that this one has not are removed.
 ///
-/// An experiment without figures or tables of its own gets learning curves and a table of all of its runs. Tables come
-/// first, so that a figure which cannot be drawn does not withhold them.
+/// An experiment without figures or tables of its own gets learning curves and a table of all of its runs. A run that cannot be
+/// read is a failed one.
 ///
-/// Errors: a recorded file is damaged, a figure asks for what no run has, or the disk refuses.
-pub fn write(spec: &ExperimentSpec, results: &Path) -> Result<Written, ReportError> {
-    let (figures, tables) = wanted(spec);
-    let plan = plan::plan(spec)?;
+/// Errors: nothing is recorded, the scope means no run, or the disk refuses.
+pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Written, ReportError> {
+    let mut plan = plan::plan(spec)?;
+    let home = record::experiment_folder(results, &spec.name)?;
+    if !home.join("runs").is_dir() {
+        return Err(ReportError::NothingRecorded { experiment: spec.name.clone(), results: results.to_owned() });
+    }
+    if let Some(selection) = scope.selection()? {
+        let runs = plan.len();
+        plan.retain(|run| selection.matches(run));
+        if plan.is_empty() {
+            let only = scope.only.join(",");
+            return Err(ReportError::NoneMatch { experiment: spec.name.clone(), runs, only });
+        }
+    }
+    let figures = figures(spec);
     let progress = figures.iter().any(|figure| figure.y != "return");
-    let mut runs = recorded::load(&plan, results, progress)?;
-    let folder = record::experiment_folder(results, &spec.name)?.join("report");
-    fs::create_dir_all(&folder).map_err(|source| RecordError::Io { action: "create", path: folder.clone(), source })?;
-    let mut files = Files { folder, written: Vec::new() };
+    let Loaded { mut runs, remarks } = recorded::load(&plan, results, progress)?;
     let planned = runs.len();
     let untouched = leave_out_untouched(&mut runs);
-    let state = state(&runs, planned, &untouched);
-    let mut page = format!("# {}\n\n{}\n\n{state}\n", spec.name, spec.description);
+    let tables = tables(spec, &runs);
+    let mut files = Files::in_folder(home.join(scope.folder()))?;
 
+    let mut body = String::new();
     let mut made = Vec::new();
     for table in &tables {
         let data = TableData::new(table, &selected(&runs, table.only.as_deref())?);
@@ -56,58 +68,124 @@ pub fn write(spec: &ExperimentSpec, results: &Path) -> Result<Written, ReportErr
         files.write(&table.name, "md", markdown.as_bytes())?;
         files.write(&table.name, "tex", text::latex(&data).as_bytes())?;
         files.write(&table.name, "csv", &text::csv(&data)?)?;
-        page.push_str(&format!("\n#{markdown}"));
+        body.push_str(&format!("\n#{markdown}"));
         made.push(data);
     }
+    let mut unknown = BTreeSet::new();
     for figure in &figures {
-        let data = CurveData::new(figure, &selected(&runs, figure.only.as_deref())?)?;
+        let data = CurveData::new(figure, &selected(&runs, figure.only.as_deref())?);
         let picture = figure::draw(&data);
+        unknown.extend(picture.without_glyph());
         files.write(&figure.name, "png", &picture.png().map_err(ReportError::Draw)?)?;
         files.write(&figure.name, "svg", picture.svg().map_err(ReportError::Draw)?.as_bytes())?;
         files.write(&format!("{}-curves", figure.name), "csv", &text::curves_csv(&data)?)?;
-        page.push_str(&format!("\n## {}\n\n![{}]({}.png)\n", figure.title, figure.title, figure.name));
+        let title = escape::markdown(&figure.title);
+        body.push_str(&format!("\n## {title}\n\n![{title}]({}.png)\n", figure.name));
     }
+    let mut state = vec![finished(&runs, planned, &untouched)];
+    state.extend(scope.heading());
+    state.extend(remarks);
+    state.extend(left_out(&runs));
+    state.extend(failed(&runs));
+    if !unknown.is_empty() {
+        let unknown: String = unknown.into_iter().collect();
+        state.push(format!(
+            "The figures' font has no {unknown}: a PNG shows boxes, an SVG what its reader's fonts have."
+        ));
+    }
+    let lines: String = state[1..].iter().map(|line| format!("- {}\n", escape::markdown(line))).collect();
+    let first = escape::markdown(&state[0]);
+    let (name, description) = (&spec.name, escape::markdown(&spec.description));
+    let page = format!("# {name}\n\n{description}\n\n{first}\n\n{lines}{body}");
     files.write("README", "md", page.as_bytes())?;
-    Ok(Written { files: files.written, tables: made, state })
+    files.close()?;
+    Ok(Written { files: files.written, tables: made, state: state.join("\n- ") })
 }
 
+/// A folder of files of which the names are kept, so that a later report can remove those that it has not.
 struct Files {
     folder: PathBuf,
     written: Vec<PathBuf>,
 }
 
 impl Files {
+    /// Where the names are kept, one a line.
+    const LIST: &str = ".files";
+    /// The files that a report consists of.
+    const EXTENSIONS: [&str; 5] = ["md", "tex", "csv", "png", "svg"];
+
+    fn in_folder(folder: PathBuf) -> Result<Self, RecordError> {
+        fs::create_dir_all(&folder).map_err(|source| RecordError::Io {
+            action: "create",
+            path: folder.clone(),
+            source,
+        })?;
+        Ok(Self { folder, written: Vec::new() })
+    }
+
     fn write(&mut self, name: &str, extension: &str, bytes: &[u8]) -> Result<(), RecordError> {
         let path = self.folder.join(format!("{name}.{extension}"));
         record::write_atomically(&path, bytes)?;
         self.written.push(path);
         Ok(())
     }
+
+    /// Removes what an earlier report left and this one has not written, and keeps the names of what it has.
+    fn close(&self) -> Result<(), RecordError> {
+        let list = self.folder.join(Self::LIST);
+        let names: BTreeSet<String> =
+            self.written.iter().filter_map(|path| Some(path.file_name()?.to_str()?.to_owned())).collect();
+        // The list may come from anywhere: a name that leads elsewhere, or is no report's, is none of it.
+        let report = |name: &str| {
+            let extension = Path::new(name).extension().and_then(|extension| extension.to_str());
+            !name.contains(['/', '\\']) && extension.is_some_and(|extension| Self::EXTENSIONS.contains(&extension))
+        };
+        let before = fs::read_to_string(&list).unwrap_or_default();
+        for name in before.lines().filter(|name| report(name) && !names.contains(*name)) {
+            let path = self.folder.join(name);
+            if let Err(source) = fs::remove_file(&path)
+                && source.kind() != std::io::ErrorKind::NotFound
+            {
+                return Err(RecordError::Io { action: "remove", path, source });
+            }
+        }
+        let names: String = names.iter().map(|name| format!("{name}\n")).collect();
+        record::write_atomically(&list, names.as_bytes())
+    }
 }
 
-/// The figures and tables of an experiment, or one of each where it has none.
-fn wanted(spec: &ExperimentSpec) -> (Vec<Figure>, Vec<Table>) {
+/// The figures of an experiment; its learning curves where it has neither figures nor tables.
+fn figures(spec: &ExperimentSpec) -> Vec<Figure> {
     if !(spec.figures.is_empty() && spec.tables.is_empty()) {
-        return (spec.figures.clone(), spec.tables.clone());
+        return spec.figures.clone();
     }
-    let algorithm = "algorithm".to_owned();
-    let figure = Figure {
+    vec![Figure {
         name: "returns".to_owned(),
         title: format!("{}: learning curves", spec.name),
         y: "return".to_owned(),
-        series: vec![algorithm.clone()],
+        series: vec!["algorithm".to_owned()],
         only: None,
         log_y: false,
-    };
-    let table = Table {
+    }]
+}
+
+/// The tables of an experiment; where it has neither figures nor tables, one of all `runs`: algorithms as columns, and as rows
+/// the environments and whatever else varies.
+fn tables(spec: &ExperimentSpec, runs: &[Run]) -> Vec<Table> {
+    if !(spec.figures.is_empty() && spec.tables.is_empty()) {
+        return spec.tables.clone();
+    }
+    let (env, algorithm) = ("env".to_owned(), "algorithm".to_owned());
+    let runs: Vec<&Run> = runs.iter().collect();
+    let settings = axis::hidden_axes(&runs, &[env.clone(), algorithm.clone()]);
+    vec![Table {
         name: "returns".to_owned(),
         title: format!("{}: returns at the end of training", spec.name),
-        rows: vec!["env".to_owned()],
+        rows: [vec![env], settings].concat(),
         columns: algorithm,
         only: None,
         reference: Some("table3".to_owned()),
-    };
-    (vec![figure], vec![table])
+    }]
 }
 
 /// The runs that `only` means; all where it is absent.
@@ -136,21 +214,35 @@ fn leave_out_untouched(runs: &mut Vec<Run>) -> Vec<&'static str> {
     untouched
 }
 
-/// `12 of 35 runs finished.`, of which environments none has ended, and a line for each run that failed.
-fn state(runs: &[Run], planned: usize, untouched: &[&str]) -> String {
-    let finished = runs.iter().filter(|run| run.recording().is_some()).count();
-    let failed: Vec<String> = runs
-        .iter()
-        .filter_map(|run| match &run.state {
-            State::Failed { error } => Some(format!("\n- {} failed: {}", run.spec.id, error.replace('\n', " "))),
-            State::Missing | State::Finished(_) => None,
-        })
-        .collect();
-    let left_out = match untouched {
-        [] => String::new(),
-        names => format!(" Left out, since no run of theirs has ended: {}.", names.join(", ")),
+/// `12 of 35 runs finished.`, with how many were recorded otherwise, and of which environments none has ended.
+fn finished(runs: &[Run], planned: usize, untouched: &[&str]) -> String {
+    let counts = notes::finished(runs.iter(), planned);
+    match untouched {
+        [] => counts,
+        names => format!("{counts} Left out, since no run of theirs has ended: {}.", names.join(", ")),
+    }
+}
+
+/// What was recorded by another specification: a line for each that differs in its own way.
+fn left_out(runs: &[Run]) -> Vec<String> {
+    let mut groups: BTreeMap<&[String], Vec<String>> = BTreeMap::new();
+    for run in runs {
+        if let State::Differs { changes } = &run.state {
+            groups.entry(changes).or_default().push(run.spec.id.clone());
+        }
+    }
+    let line = |(changes, ids): (&[String], Vec<String>)| {
+        format!("left out, recorded with {}: {}", changes.join("; "), notes::listed(&ids))
     };
-    format!("{finished} of {} finished.{left_out}{}", notes::count(planned, "run"), failed.concat())
+    groups.into_iter().map(line).collect()
+}
+
+/// A line for each run that failed.
+fn failed(runs: &[Run]) -> impl Iterator<Item = String> {
+    runs.iter().filter_map(|run| match &run.state {
+        State::Failed { error } => Some(format!("{} failed: {}", run.spec.id, escape::plain(error))),
+        State::Missing | State::Differs { .. } | State::Finished(_) => None,
+    })
 }
 
 #[cfg(test)]
@@ -184,22 +276,107 @@ mod tests {
         spec::parse(Path::new("made-up.toml"), &text, &Overrides::default()).expect("a valid file")
     }
 
+    /// One of its runs, missing.
+    fn run(algorithm: &str, seed: u64) -> Run {
+        let mut plan = plan::plan(&experiment("")).expect("a plan");
+        plan.retain(|spec| spec.algorithm_name() == algorithm && spec.seed.0 == seed);
+        Run::new(plan.remove(0), State::Missing)
+    }
+
     fn record_some(results: &Path) {
         let evaluations: [(u64, &[f64]); 2] = [(50, &[10.0, 12.0]), (100, &[1500.0, 1600.0])];
-        fixture::record(&fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 0).finished(&evaluations), results);
-        fixture::record(&fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 1).failed("training diverged"), results);
-        fixture::record(&fixture::ppo("Hopper-v2", 0).finished(&evaluations), results);
+        fixture::record(&run("mcpo", 0).finished(&evaluations), results);
+        fixture::record(&run("mcpo", 1).failed("training diverged"), results);
+        fixture::record(&run("ppo", 0).finished(&evaluations), results);
+    }
+
+    fn report(spec: &ExperimentSpec, results: &Path) -> Written {
+        write(spec, results, &Scope::default()).expect("written")
     }
 
     #[test]
-    fn a_column_that_no_run_has_is_an_error_after_the_tables() {
+    fn a_wrong_folder_is_an_error_and_gets_no_report() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let wrong = folder.path().join("wrong");
+        let error = write(&experiment(""), &wrong, &Scope::default()).expect_err("nothing is there");
+        assert!(error.to_string().contains("made-up: nothing is recorded under ") && !wrong.exists(), "{error}");
+    }
+
+    #[test]
+    fn a_part_is_reported_beside_the_whole() {
         let folder = tempfile::tempdir().expect("a folder");
         record_some(folder.path());
-        let more = "[[figures]]\nname = \"f\"\ntitle = \"\"\ny = \"case\"\nseries = []\n\
-                    [[tables]]\nname = \"t\"\ntitle = \"\"\nrows = [\"env\"]\ncolumns = \"algorithm\"";
-        let error = write(&experiment(more), folder.path()).expect_err("text cannot be drawn");
-        assert!(error.to_string().contains("`case`"), "{error}");
-        assert!(folder.path().join("made-up/report/t.md").exists());
+        let whole = report(&experiment(""), folder.path());
+        let page = fs::read(&whole.files[6]).expect("readable");
+        let of = |only: &str| Scope { only: vec![only.to_owned()], ..Scope::default() };
+        let part = write(&experiment(""), folder.path(), &of("algorithm=ppo")).expect("written");
+        assert!(part.files[0].ends_with("made-up/report-only-algorithm=ppo/returns.md"), "{:?}", part.files);
+        assert!(part.state.starts_with("1 of 2 runs finished.") && part.state.contains("--only algorithm=ppo"));
+        assert_eq!(part.tables[0].columns.len(), 1);
+        assert!(fs::read(&whole.files[6]).expect("readable") == page, "the whole report was overwritten");
+        let error = write(&experiment(""), folder.path(), &of("seed=7")).expect_err("there is no such run");
+        assert_eq!(error.to_string(), "made-up: none of the 4 runs match --only seed=7");
+    }
+
+    #[test]
+    fn what_an_earlier_report_alone_had_is_removed_and_nothing_else() {
+        let folder = tempfile::tempdir().expect("a folder");
+        record_some(folder.path());
+        let table = |name: &str| {
+            format!("[[tables]]\nname = {name:?}\ntitle = \"\"\nrows = [\"env\"]\ncolumns = \"algorithm\"")
+        };
+        let old = report(&experiment(&table("old")), folder.path());
+        let home = folder.path().join("made-up/report");
+        let (own, outside) = (home.join("mine.md"), folder.path().join("made-up/outside.md"));
+        fs::write(&own, "").expect("written");
+        fs::write(&outside, "").expect("written");
+        let list = home.join(".files");
+        let hostile = fs::read_to_string(&list).expect("readable") + "../outside.md\n";
+        fs::write(&list, hostile).expect("written");
+        let new = report(&experiment(&table("new")), folder.path());
+        assert!(old.files[..3].iter().all(|file| !file.exists()), "{:?}", old.files);
+        assert!(new.files.iter().chain([&own, &outside]).all(|file| file.exists()));
+    }
+
+    #[test]
+    fn runs_of_other_settings_are_left_out_and_named_once() {
+        let folder = tempfile::tempdir().expect("a folder");
+        record_some(folder.path());
+        let spec = experiment(
+            "[environments.Hopper-v2.algorithms.mcpo]\nmax_kl = 0.25\n[[figures]]\nname=\"f\"\ntitle=\"\"\ny=\"return\"\nseries=[]",
+        );
+        let written = report(&spec, folder.path());
+        let start = "1 of 4 runs finished; 2 were recorded with another `mcpo.max_kl`.";
+        assert!(written.state.starts_with(start), "{}", written.state);
+        assert_eq!(written.state.matches("mcpo.max_kl: 0.005 -> 0.25").count(), 1, "{}", written.state);
+        let curves = fs::read_to_string(&written.files[2]).expect("readable");
+        assert!(!curves.contains("mcpo"), "{curves}");
+    }
+
+    #[test]
+    fn a_sweep_has_settings_as_rows() {
+        let folder = tempfile::tempdir().expect("a folder");
+        record_some(folder.path());
+        let sweep = "[[matrix]]\nseed = [0]\nenv = [\"Hopper-v2\"]\nalgorithm = [\"mcpo\"]\nd = [1e-1, 1e-2, 1.0]";
+        let table = &report(&experiment(sweep), folder.path()).tables[0];
+        assert_eq!((&table.row_keys, &table.column_keys), (&vec!["env".into(), "d".into()], &vec!["algorithm".into()]));
+        let labels: Vec<String> = table.rows.iter().map(|row| row.labels.join(" ")).collect();
+        assert_eq!(labels, ["Hopper-v2 10⁻⁴", "Hopper-v2 ", "Hopper-v2 10⁻¹", "Hopper-v2 10⁻²", "Hopper-v2 1"]);
+    }
+
+    #[test]
+    fn text_from_outside_is_shown_and_not_obeyed() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let evil = "\x1b[31m|<script>\n=cmd()";
+        fixture::record(&run("mcpo", 0).failed(evil), folder.path());
+        let mut spec = experiment("");
+        spec.description = evil.to_owned();
+        let written = report(&spec, folder.path());
+        assert!(written.state.contains("failed: \\u{1b}[31m|<script> =cmd()"), "{}", written.state);
+        let page = fs::read_to_string(&written.files[6]).expect("readable");
+        assert!(!page.contains('\x1b') && !page.contains("<script>") && page.contains("\\|&lt;script&gt;"), "{page}");
+        let tex = fs::read_to_string(&written.files[1]).expect("readable");
+        assert!(!tex.contains('\x1b') && tex.contains("$|$$<$script$>$"), "{tex}");
     }
 
     #[test]
@@ -207,16 +384,17 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         record_some(folder.path());
         let more = "[[matrix]]\nseed = [0]\nenv = [\"Ant-v2\"]\nalgorithm = [\"ppo\"]";
-        let written = write(&experiment(more), folder.path()).expect("written");
+        let written = report(&experiment(more), folder.path());
         let start = "2 of 5 runs finished. Left out, since no run of theirs has ended: Ant-v2.\n- Hopper-v2/";
         assert!(written.state.starts_with(start), "{}", written.state);
         assert_eq!(written.tables[0].rows.len(), 1);
     }
 
     #[test]
-    fn nothing_recorded_still_makes_a_report() {
+    fn a_campaign_of_which_nothing_has_ended_has_a_report() {
         let folder = tempfile::tempdir().expect("a folder");
-        let written = write(&experiment(""), folder.path()).expect("written");
+        fs::create_dir_all(folder.path().join("made-up/runs")).expect("made");
+        let written = report(&experiment(""), folder.path());
         assert_eq!(written.state, "0 of 4 runs finished.");
         assert!(written.files.iter().all(|file| file.exists()));
     }
@@ -226,7 +404,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         record_some(folder.path());
         let spec = experiment("");
-        let written = write(&spec, folder.path()).expect("written");
+        let written = report(&spec, folder.path());
         let names: Vec<_> = written.files.iter().filter_map(|file| file.file_name()?.to_str()).collect();
         let expected = [
             "returns.md",
@@ -240,14 +418,11 @@ mod tests {
         assert_eq!(names, expected);
         assert_eq!(
             written.state,
-            format!(
-                "2 of 4 runs finished.\n- {} failed: training diverged",
-                fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 1).spec.id
-            )
+            format!("2 of 4 runs finished.\n- {} failed: training diverged", run("mcpo", 1).spec.id)
         );
         let read = || written.files.iter().map(|file| fs::read(file).expect("readable")).collect::<Vec<_>>();
         let first = read();
-        write(&spec, folder.path()).expect("written again");
+        report(&spec, folder.path());
         assert!(first == read(), "the same recordings gave other bytes");
         assert!(first[3].starts_with(b"\x89PNG"));
         let table = String::from_utf8(first[0].clone()).expect("text");
@@ -259,7 +434,8 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         record_some(folder.path());
         let more = "[[tables]]\nname = \"t\"\ntitle = \"\"\nrows = [\"env\"]\ncolumns = \"algorithm\"\nonly = \"algorithm=ppo\"";
-        let written = write(&experiment(more), folder.path()).expect("written");
-        assert_eq!(written.tables[0].columns, ["PPO"]);
+        let written = report(&experiment(more), folder.path());
+        assert_eq!(written.tables[0].columns.len(), 1);
+        assert_eq!(written.tables[0].columns[0].text, "PPO");
     }
 }

@@ -6,6 +6,7 @@ use std::{
     time::{Duration, Instant},
 };
 
+use crate::escape;
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 /// Plain lines are this far apart; ends of runs are told at once.
@@ -129,14 +130,14 @@ impl Progress {
         run.bar.set_position(env_steps.min(run.budget));
         // What changes comes first: narrow terminals cut the end off.
         let left = run.seconds_left().map_or_else(String::new, |seconds| format!("{} left, ", clock(seconds)));
-        let mean = run.last_return.map_or_else(String::new, |mean| format!(", return {mean:.1}"));
+        let mean = run.last_return.map_or_else(String::new, |mean| format!(", training return {mean:.1}"));
         run.bar.set_message(format!("{left}{} steps/s  {}{mean}", thousands(run.steps_per_second()), run.label));
     }
 
     /// Run `number` was evaluated.
     pub fn evaluation(&mut self, number: usize, env_steps: u64, dense_return: f64) {
         let Some(run) = self.running.get(&number).filter(|_| self.verbose) else { return };
-        self.say(&format!("{} at {} steps: return {dense_return:.2}", run.label, thousands(env_steps as f64)));
+        self.say(&format!("{} at {} steps: dense return {dense_return:.2}", run.label, thousands(env_steps as f64)));
     }
 
     /// Run `number` has ended, here or in another process; all of it would take `seconds`.
@@ -191,6 +192,7 @@ impl Progress {
 
     /// Writes a line above the bars. A stderr that is gone is nobody's problem but its reader's.
     pub fn say(&self, line: &str) {
+        let line = escape::terminal(line);
         match self.style {
             Style::Bars => drop(self.screen.println(line)),
             Style::Lines => drop(writeln!(io::stderr(), "{line}")),
@@ -201,7 +203,7 @@ impl Progress {
     /// Writes a line that is shown in every style.
     pub fn complain(&self, line: &str) {
         match self.style {
-            Style::Quiet => drop(writeln!(io::stderr(), "{line}")),
+            Style::Quiet => drop(writeln!(io::stderr(), "{}", escape::terminal(line))),
             Style::Bars | Style::Lines => self.say(line),
         }
     }

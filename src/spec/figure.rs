@@ -48,10 +48,21 @@ pub struct Table {
 pub(super) const REFERENCES: [&str; 3] = ["table3", "table4", "table5"];
 
 /// Columns of `progress.parquet` that are not the update's.
-const ROLLOUT_COLUMNS: [&str; 7] =
-    ["iteration", "episodes", "dense_return", "training_return", "episode_length", "rollout_seconds", "update_seconds"];
+const ROLLOUT_COLUMNS: [&str; 8] = [
+    "iteration",
+    "episodes",
+    "dense_return",
+    "training_return",
+    "episode_length",
+    "physics_seconds",
+    "rollout_seconds",
+    "update_seconds",
+];
 
-/// What a figure's `y` can be.
+/// Columns that hold words, which a figure cannot draw.
+pub(super) const WORDS: [&str; 1] = ["case"];
+
+/// What a figure's `y` can be: columns of numbers.
 pub(super) fn columns() -> Vec<&'static str> {
     static UPDATE: std::sync::LazyLock<Vec<String>> = std::sync::LazyLock::new(|| {
         let fields = serde_json::to_value(Update::default()).unwrap_or_default();
@@ -59,7 +70,7 @@ pub(super) fn columns() -> Vec<&'static str> {
             .as_object()
             .into_iter()
             .flatten()
-            .filter(|(_, value)| value.is_null())
+            .filter(|(key, value)| value.is_null() && !WORDS.contains(&key.as_str()))
             .map(|(key, _)| key.clone())
             .collect()
     });

@@ -11,7 +11,8 @@ pub use style::{BLACK, PALETTE};
 
 use picture::{Anchor, Picture, Shape, Text, text_width};
 
-use super::curve::{Curve, CurveData, SEEDS_FOR_BAND};
+use super::curve::{Curve, CurveData, LeftOut, SEEDS_FOR_BAND};
+use crate::escape;
 use panel::Frame;
 use style::{GREY, Look, NOTE_SIZE, SIZE, TITLE_SIZE};
 
@@ -74,60 +75,105 @@ pub fn draw(data: &CurveData) -> Picture {
     Picture { width, height: page.y + MARGIN, shapes: page.shapes }
 }
 
+/// What the legend says of one kind of line: its name, in lines where it is long.
+#[derive(Debug, Clone)]
+struct Entry {
+    look: Look,
+    lines: Vec<String>,
+    width: f64,
+}
+
 /// One entry a series, and one for each other kind of line that is drawn; in rows, each centred.
 struct Legend {
-    rows: Vec<(f64, Vec<(Look, String)>)>,
+    /// The width of each row, and its entries.
+    rows: Vec<(f64, Vec<Entry>)>,
 }
 
 impl Legend {
-    const KEY: f64 = 26.0;
+    const KEY: f64 = 34.0;
     const GAP: f64 = 18.0;
-    const ROW: f64 = SIZE * 1.5;
+    const LINE: f64 = SIZE * 1.25;
+    const BETWEEN: f64 = SIZE * 0.25;
 
     fn new(data: &CurveData, room: f64) -> Self {
         let mut entries: Vec<(Look, String)> =
-            data.series.iter().enumerate().map(|(index, name)| (Look::Series(index), name.clone())).collect();
-        let curves = || data.panels.iter().flat_map(|panel| panel.curves.iter().flatten());
+            data.series.iter().enumerate().map(|(index, name)| (Look::Series(index), name.text.clone())).collect();
+        let drawn =
+            || data.panels.iter().filter(|panel| panel.curves.iter().flatten().any(|curve| !curve.points.is_empty()));
+        let curves = || drawn().flat_map(|panel| panel.curves.iter().flatten());
         if curves().any(|curve| curve.paper.is_some()) {
             entries.push((Look::Paper, "the paper, after training".to_owned()));
         }
-        if data.panels.iter().any(|panel| panel.demo.is_some()) {
+        if drawn().any(|panel| panel.demo.is_some()) {
             entries.push((Look::Demo, "the demonstration".to_owned()));
         }
         if curves().any(|curve| !curve.tolerance.is_empty()) {
             entries.push((Look::Tolerance, "tolerance d of the same colour's curve".to_owned()));
         }
-        let mut rows: Vec<(f64, Vec<(Look, String)>)> = Vec::new();
-        for (look, name) in entries {
-            let name = fit(&name, SIZE, room - Self::KEY);
-            let width = Self::KEY + text_width(&name, SIZE);
+        let entries: Vec<Entry> = entries.into_iter().map(|(look, name)| Entry::new(look, &name, room)).collect();
+        let rows = Self::rows(entries.clone(), room);
+        // Series of one width stand in columns, unless that takes more rows.
+        let widest = entries.iter().filter(|entry| entry.is_series()).map(|entry| entry.width).fold(0.0, f64::max);
+        let even = entries
+            .into_iter()
+            .map(|entry| Entry { width: if entry.is_series() { widest } else { entry.width }, ..entry });
+        let even = Self::rows(even.collect(), room);
+        Self { rows: if even.len() > rows.len() { rows } else { even } }
+    }
+
+    fn rows(entries: Vec<Entry>, room: f64) -> Vec<(f64, Vec<Entry>)> {
+        let mut rows: Vec<(f64, Vec<Entry>)> = Vec::new();
+        for entry in entries {
             match rows.last_mut() {
-                Some((used, row)) if *used + Self::GAP + width <= room => {
-                    *used += Self::GAP + width;
-                    row.push((look, name));
+                Some((used, row)) if *used + Self::GAP + entry.width <= room => {
+                    *used += Self::GAP + entry.width;
+                    row.push(entry);
                 }
-                _ => rows.push((width, vec![(look, name)])),
+                _ => rows.push((entry.width, vec![entry])),
             }
         }
-        Self { rows }
+        rows
     }
 
     fn height(&self) -> f64 {
-        self.rows.len() as f64 * Self::ROW + 6.0
+        self.rows.iter().map(|(_, row)| Self::row_height(row)).sum::<f64>() + 6.0
+    }
+
+    fn row_height(row: &[Entry]) -> f64 {
+        let lines = row.iter().map(|entry| entry.lines.len()).max().unwrap_or(0);
+        lines as f64 * Self::LINE + Self::BETWEEN
     }
 
     fn draw(&self, middle: f64, top: f64) -> Vec<Shape> {
         let mut shapes = Vec::new();
-        for (index, (width, row)) in self.rows.iter().enumerate() {
-            let y = top + (index as f64 + 1.0) * Self::ROW;
+        let mut above = top;
+        for (width, row) in &self.rows {
             let mut x = middle - width / 2.0;
-            for (look, name) in row {
-                shapes.extend(look.key((x, y - 0.3 * SIZE), Self::KEY - 6.0));
-                shapes.push(Shape::Text(text(name, (x + Self::KEY, y), Anchor::Start, SIZE, BLACK)));
-                x += Self::KEY + text_width(name, SIZE) + Self::GAP;
+            for entry in row {
+                for (index, line) in entry.lines.iter().enumerate() {
+                    let y = above + (index + 1) as f64 * Self::LINE + Self::BETWEEN;
+                    if index == 0 {
+                        shapes.extend(entry.look.key((x, y - 0.3 * SIZE), Self::KEY - 6.0));
+                    }
+                    shapes.push(Shape::Text(text(line, (x + Self::KEY, y), Anchor::Start, SIZE, BLACK)));
+                }
+                x += entry.width + Self::GAP;
             }
+            above += Self::row_height(row);
         }
         shapes
+    }
+}
+
+impl Entry {
+    fn new(look: Look, name: &str, room: f64) -> Self {
+        let lines = wrap(name, SIZE, room - Legend::KEY);
+        let width = Legend::KEY + lines.iter().map(|line| text_width(line, SIZE)).fold(0.0, f64::max);
+        Self { look, lines, width }
+    }
+
+    fn is_series(&self) -> bool {
+        matches!(self.look, Look::Series(_))
     }
 }
 
@@ -149,6 +195,9 @@ impl Page {
     }
 
     fn notes(&mut self, notes: &str) {
+        if notes.is_empty() {
+            return;
+        }
         for line in wrap(notes, NOTE_SIZE, self.width - 2.0 * MARGIN) {
             self.y += NOTE_SIZE * LINE;
             self.shapes.push(Shape::Text(text(&line, (MARGIN, self.y), Anchor::Start, NOTE_SIZE, GREY)));
@@ -164,9 +213,12 @@ fn notes(data: &CurveData) -> String {
         .filter(|panel| panel.curves.iter().flatten().any(|curve| curve.seeds > 0)) // the others say so themselves
         .flat_map(|panel| {
             let named = data.series.iter().zip(&panel.curves);
-            named.filter_map(|(name, curve)| Some((panel.title.as_str(), name.as_str(), curve.as_ref()?)))
+            named.filter_map(|(name, curve)| Some((panel.title.as_str(), name.text.as_str(), curve.as_ref()?)))
         })
         .collect();
+    if curves.is_empty() {
+        return String::new();
+    }
     let planned = || curves.iter().map(|(_, _, curve)| curve.planned);
     let (fewest, most) = (planned().min().unwrap_or(0), planned().max().unwrap_or(0));
     let kind = if data.log_y { "Geometric mean" } else { "Mean" };
@@ -190,14 +242,19 @@ fn notes(data: &CurveData) -> String {
     if !lacking.is_empty() {
         notes.push(format!("Fewer finished: {}.", shorten(&lacking)));
     }
-    let incomplete: Vec<String> = curves
-        .iter()
-        .filter(|(_, _, curve)| curve.incomplete > 0)
-        .map(|(env, series, curve)| format!("{} ({})", name(env, series), curve.incomplete))
-        .collect();
-    if !incomplete.is_empty() {
-        notes.push(format!("Points left out because a seed has none there: {}.", shorten(&incomplete)));
-    }
+    let mut left_out = |reason: &str, count: fn(&LeftOut) -> usize| {
+        let of: Vec<String> = curves
+            .iter()
+            .filter(|(_, _, curve)| count(&curve.left_out) > 0)
+            .map(|(env, series, curve)| format!("{} ({})", name(env, series), count(&curve.left_out)))
+            .collect();
+        if !of.is_empty() {
+            notes.push(format!("{reason}: {}.", shorten(&of)));
+        }
+    };
+    left_out("Gaps where a seed's value is no finite number", |left_out| left_out.not_finite);
+    left_out("Gaps where a seed's value is not above 0, which this axis cannot show", |left_out| left_out.not_positive);
+    left_out("Points left out because a seed has none there", |left_out| left_out.absent);
     notes.join(" ")
 }
 
@@ -209,20 +266,29 @@ fn shorten(list: &[String]) -> String {
 }
 
 fn text(text: &str, at: (f64, f64), anchor: Anchor, size: f64, color: picture::Color) -> Text {
-    Text { text: text.to_owned(), at, anchor, size, color, upwards: false }
+    Text { text: escape::plain(text), at, anchor, size, color, upwards: false }
 }
 
-/// `text` in lines no wider than `room`, broken at plain spaces; a word that is wider is cut.
+/// `text` in lines no wider than `room`, broken at spaces, and within a word that is wider.
 fn wrap(text: &str, size: f64, room: f64) -> Vec<String> {
-    let mut lines: Vec<String> = Vec::new();
-    for word in text.split(' ') {
-        let word = fit(word, size, room);
-        match lines.last_mut() {
-            Some(line) if text_width(&format!("{line} {word}"), size) <= room => {
-                line.push(' ');
-                line.push_str(&word);
+    let mut lines = vec![String::new()];
+    let fits = |line: &str, more: &str| text_width(line, size) + text_width(more, size) <= room;
+    for word in escape::plain(text).split(' ') {
+        let line = lines.last_mut().expect("there is always one");
+        if line.is_empty() || !fits(line, &format!(" {word}")) {
+            if !line.is_empty() {
+                lines.push(String::new());
             }
-            _ => lines.push(word),
+        } else {
+            line.push(' ');
+        }
+        for character in word.chars() {
+            let line = lines.last_mut().expect("there is always one");
+            if line.is_empty() || fits(line, character.encode_utf8(&mut [0; 4])) {
+                line.push(character);
+            } else {
+                lines.push(character.to_string());
+            }
         }
     }
     lines
@@ -246,7 +312,10 @@ fn fit(text: &str, size: f64, room: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::curve::{Panel, Point};
+    use crate::report::{
+        axis::Label,
+        curve::{Panel, Point},
+    };
 
     /// A curve of `values` with bands.
     fn curve(values: &[f64]) -> Curve {
@@ -258,11 +327,13 @@ mod tests {
     }
 
     fn figure(panels: Vec<Panel>, series: usize, name: &str, log_y: bool) -> CurveData {
-        let series = (0..series).map(|index| format!("{name} {index}")).collect();
+        let series = (0..series).map(|index| Label { text: format!("{name} {index}"), values: vec![] }).collect();
         CurveData {
             title: "A title of a figure".into(),
             y_label: "return (dense reward)".into(),
             log_y,
+            y: "return".into(),
+            keys: vec![],
             series,
             panels,
         }
@@ -345,6 +416,81 @@ mod tests {
         let mut data = figure(vec![panel(long, vec![Some(curve(&[1.0, 2.0])); 9])], 9, name, false);
         data.title = "much too long a title ".repeat(9);
         check(&data);
+    }
+
+    #[test]
+    fn legends_of_any_length_stay_apart() {
+        let name =
+            "a very long name of a series that does not fit into one line of a legend, whatever the size ".repeat(3);
+        let data = figure(vec![panel("Ant-v2", vec![Some(curve(&[1.0, 2.0])); 16])], 16, &name, false);
+        check(&data);
+        let written: Vec<String> = boxes(&draw(&data)).into_iter().map(|(text, _)| text).collect();
+        for index in 0..16 {
+            assert!(written.iter().any(|line| line.ends_with(&format!(" {index}"))), "{index}: {written:?}");
+        }
+    }
+
+    #[test]
+    fn titles_of_any_script_are_one_line_and_what_the_font_lacks_is_told() {
+        let mut data = figure(vec![panel("Ant-v2", vec![Some(curve(&[1.0, 2.0]))])], 1, "MCPO", false);
+        data.title = "学习\tcurve\nof \u{1b} Ü".into();
+        let picture = draw(&data);
+        assert_eq!(picture.without_glyph().into_iter().collect::<String>(), "习学");
+        let written: Vec<String> = boxes(&picture).into_iter().map(|(text, _)| text).collect();
+        assert_eq!(written[0], "学习 curve of \\u{1b} Ü");
+    }
+
+    #[test]
+    fn a_panel_without_curves_says_why() {
+        let written = |left_out, seeds| {
+            let empty = Curve { planned: 5, seeds, left_out, ..Curve::default() };
+            let mut data = figure(vec![panel("Hopper-v2", vec![Some(empty)])], 1, "MCPO", true);
+            data.y = "nu".into();
+            check(&data);
+            boxes(&draw(&data)).into_iter().map(|(text, _)| text).collect::<Vec<_>>().join("\n")
+        };
+        let none = LeftOut::default();
+        assert!(written(none, 0).contains("\nno finished run\n"));
+        assert!(written(none, 5).contains("\nno value of nu\n") && !written(none, 5).contains("no finished run"));
+        assert!(written(LeftOut { not_positive: 3, ..none }, 5).contains("\nnothing above 0\n"));
+        assert!(written(LeftOut { not_finite: 3, ..none }, 5).contains("\nno finite number\n"));
+        let text = written(LeftOut { absent: 3, ..none }, 5);
+        assert!(
+            text.contains("\nno point of all seeds\n") && text.contains("a seed has none there: Hopper-v2 (3)"),
+            "{text}"
+        );
+    }
+
+    #[test]
+    fn a_gap_is_not_bridged() {
+        let mut broken = curve(&[1.0, 2.0, 3.0, 4.0, 5.0]);
+        broken.gaps = vec![2.5e5];
+        let data = figure(vec![panel("Hopper-v2", vec![Some(broken)])], 1, "MCPO", false);
+        let crosses = |shape: &Shape| match shape {
+            Shape::Line { points, color, .. } if *color == style::color(0) && points.len() > 1 => {
+                points.first().zip(points.last()).map(|(first, last)| last.0 - first.0)
+            }
+            _ => None,
+        };
+        let picture = draw(&data);
+        let mut lengths: Vec<f64> = picture.shapes.iter().filter_map(crosses).collect();
+        lengths.sort_by(f64::total_cmp);
+        let whole = picture.width;
+        assert!(lengths.iter().all(|length| *length < 0.5 * whole), "{lengths:?}");
+    }
+
+    #[test]
+    fn what_does_not_train_is_a_level_line() {
+        let mut level =
+            Curve { points: vec![Point { env_steps: 0.0, mean: 1.5, band: Some((1.0, 2.0)) }], ..curve(&[1.0]) };
+        level.paper = None;
+        let data = figure(vec![panel("Hopper-v2", vec![Some(curve(&[1.0, 2.0])), Some(level)])], 2, "method", false);
+        check(&data);
+        let lengths = draw(&data).shapes.into_iter().filter_map(|shape| match shape {
+            Shape::Line { points, color, .. } if color == style::color(1) => Some(points.last()?.0 - points.first()?.0),
+            _ => None,
+        });
+        assert!(lengths.fold(0.0, f64::max) > 200.0, "it does not cross the panel");
     }
 
     #[test]

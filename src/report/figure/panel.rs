@@ -7,7 +7,7 @@ use super::{
     text,
     ticks::{Scale, Tick},
 };
-use crate::report::curve::{Curve, CurveData, Panel};
+use crate::report::curve::{Curve, CurveData, Panel, Point};
 
 /// Where a panel lies on the page, everything that belongs to it included but the name of the x axis, which hangs below.
 #[derive(Debug, Clone, Copy)]
@@ -52,6 +52,9 @@ impl Axes {
     }
 }
 
+/// Points of the page that a line leads through.
+type Path = Vec<(f64, f64)>;
+
 /// Distance of the markers of a curve.
 const MARKER_DISTANCE: f64 = 50.0;
 /// The dashes of the paper's values, to the right of the axes.
@@ -91,7 +94,7 @@ pub fn draw(data: &CurveData, panel: &Panel, frame: Frame) -> Vec<Shape> {
     shapes.push(Shape::Text(text(&title, (middle, axes.top - 5.0), Anchor::Middle, SIZE, BLACK)));
     if curves.iter().all(|(_, curve)| curve.points.is_empty()) {
         let at = (middle, (axes.top + axes.bottom) / 2.0);
-        shapes.push(Shape::Text(text("no finished run", at, Anchor::Middle, SIZE, GREY)));
+        shapes.push(Shape::Text(text(&why_empty(data, &curves), at, Anchor::Middle, SIZE, GREY)));
     } else {
         let x_ticks = axes.x.step_ticks(((axes.right - axes.left) / 45.0) as usize);
         shapes.extend(grid(&axes, &x_ticks, &axes.y.ticks(wanted(frame.height))));
@@ -103,6 +106,18 @@ pub fn draw(data: &CurveData, panel: &Panel, frame: Frame) -> Vec<Shape> {
         shapes.push(Shape::Text(text("environment steps", at, Anchor::Middle, SIZE, BLACK)));
     }
     shapes
+}
+
+/// Why a panel has no curve, from what its curves left out.
+fn why_empty(data: &CurveData, curves: &[(usize, &Curve)]) -> String {
+    let any = |count: fn(&Curve) -> usize| curves.iter().any(|(_, curve)| count(curve) > 0);
+    match () {
+        () if !any(|curve| curve.seeds) => "no finished run".to_owned(),
+        () if any(|curve| curve.left_out.not_positive) => "nothing above 0".to_owned(),
+        () if any(|curve| curve.left_out.not_finite) => "no finite number".to_owned(),
+        () if any(|curve| curve.left_out.absent) => "no point of all seeds".to_owned(),
+        () => format!("no value of {}", data.y),
+    }
 }
 
 /// All means and references lie inside; bands count as far as half that extent beyond it, since the interval of two seeds
@@ -175,18 +190,22 @@ fn lines(panel: &Panel, curves: &[(usize, &Curve)], axes: &Axes) -> Vec<Shape> {
         let points: Vec<_> = curve.tolerance.iter().map(|&(x, y)| axes.at(x, y)).collect();
         shapes.extend(Look::Tolerance.line(&points, style::color(*index)));
     }
-    let paths: Vec<(usize, Vec<(f64, f64)>)> = curves
-        .iter()
-        .map(|(index, curve)| (*index, curve.points.iter().map(|point| axes.at(point.env_steps, point.mean)).collect()))
-        .collect();
-    for (index, path) in paths.iter().filter(|(_, path)| path.len() > 1) {
-        shapes.extend(Look::Series(*index).line(path, BLACK));
-    }
     let count = ((axes.right - axes.left) / MARKER_DISTANCE) as usize;
-    for (turn, (index, path)) in paths.iter().enumerate() {
-        for at in marked(path, count, turn as f64 / paths.len() as f64) {
-            shapes.extend(style::marker(*index, at));
+    let paths: Vec<(usize, Vec<Path>)> =
+        curves.iter().map(|(index, curve)| (*index, stretches(curve, axes, count))).collect();
+    for (index, stretch) in paths.iter().flat_map(|(index, path)| path.iter().map(move |stretch| (*index, stretch))) {
+        match stretch.as_slice() {
+            [alone] => shapes.push(style::dot(index, *alone)),
+            _ => shapes.extend(Look::Series(index).line(stretch, BLACK)),
         }
+    }
+    for (turn, (index, path)) in paths.iter().enumerate() {
+        let drawn = |at: &(f64, f64)| {
+            let over = |stretch: &Path| Some(stretch.first()?.0 <= at.0 && at.0 <= stretch.last()?.0);
+            path.iter().any(|stretch| over(stretch) == Some(true))
+        };
+        let marks = marked(&path.concat(), count, turn as f64 / paths.len() as f64);
+        shapes.extend(marks.into_iter().filter(drawn).flat_map(|at| style::marker(*index, at)));
     }
     for (index, curve) in curves {
         if let Some(paper) = curve.paper {
@@ -197,22 +216,42 @@ fn lines(panel: &Panel, curves: &[(usize, &Curve)], axes: &Axes) -> Vec<Shape> {
     shapes
 }
 
-/// The band of a curve; an error bar where the curve is one point.
+/// The lines of a curve: its stretches between gaps; of one that does not train, a level line from side to side, of more
+/// points than it gets markers.
+fn stretches(curve: &Curve, axes: &Axes, markers: usize) -> Vec<Path> {
+    if let Some(level) = curve.level() {
+        let (y, width) = (axes.height_of(level.mean), axes.right - axes.left);
+        let x = |index: usize| axes.left + width * index as f64 / (markers + 1) as f64;
+        return vec![(0..=markers + 1).map(|index| (x(index), y)).collect()];
+    }
+    let at = |points: &[Point]| points.iter().map(|point| axes.at(point.env_steps, point.mean)).collect();
+    curve.stretches().map(at).collect()
+}
+
+/// The band of a curve; an error bar where a stretch of it is one point.
 fn band(index: usize, curve: &Curve, axes: &Axes) -> Vec<Shape> {
     let color = style::color(index);
-    let ends = |point: &crate::report::curve::Point| {
-        let (low, high) = point.band?;
-        Some((axes.at(point.env_steps, low), axes.at(point.env_steps, high)))
-    };
-    let ends: Vec<_> = curve.points.iter().filter_map(ends).collect();
-    match ends.as_slice() {
-        [] => Vec::new(),
-        [(low, high)] => vec![Shape::Line { points: vec![*low, *high], width: 1.0, color }],
-        _ => {
-            let points = ends.iter().map(|end| end.0).chain(ends.iter().rev().map(|end| end.1)).collect();
-            vec![Shape::Area { points, color, opacity: BAND }]
-        }
+    if let Some((low, high)) = curve.level().and_then(|level| level.band) {
+        let (low, high) = (axes.height_of(low), axes.height_of(high));
+        let points = vec![(axes.left, low), (axes.right, low), (axes.right, high), (axes.left, high)];
+        return vec![Shape::Area { points, color, opacity: BAND }];
     }
+    let of_stretch = |points: &[Point]| {
+        let ends = points.iter().filter_map(|point| {
+            let (low, high) = point.band?;
+            Some((axes.at(point.env_steps, low), axes.at(point.env_steps, high)))
+        });
+        let ends: Vec<_> = ends.collect();
+        match ends.as_slice() {
+            [] => None,
+            [(low, high)] => Some(Shape::Line { points: vec![*low, *high], width: 1.0, color }),
+            _ => {
+                let points = ends.iter().map(|end| end.0).chain(ends.iter().rev().map(|end| end.1)).collect();
+                Some(Shape::Area { points, color, opacity: BAND })
+            }
+        }
+    };
+    curve.stretches().filter_map(of_stretch).collect()
 }
 
 /// Where a curve's markers stand: at every point of a short curve, else `count` evenly along x, `shift` (0 to 1) of their

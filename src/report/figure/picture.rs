@@ -4,7 +4,7 @@
 //!
 //! Coordinates are points (1/72 inch), x to the right and y down. The same shapes give the same bytes, always.
 
-use std::{io, sync::LazyLock};
+use std::{collections::BTreeSet, io, sync::LazyLock};
 
 use ab_glyph::{Font, FontRef, PxScale, ScaleFont, point};
 use plotters::{
@@ -151,6 +151,15 @@ impl Picture {
         let points = (size.0 / SVG_UNITS, size.1 / SVG_UNITS);
         let fine = format!("width=\"{}\" height=\"{}\"", size.0, size.1);
         Ok(text.replacen(&fine, &format!("width=\"{}pt\" height=\"{}pt\"", points.0, points.1), 1))
+    }
+
+    /// The characters of its text that the embedded font does not have.
+    pub fn without_glyph(&self) -> BTreeSet<char> {
+        let texts = self.shapes.iter().filter_map(|shape| match shape {
+            Shape::Text(text) => Some(&text.text),
+            Shape::Line { .. } | Shape::Area { .. } => None,
+        });
+        texts.flat_map(|text| text.chars()).filter(|character| FONT.glyph_id(*character).0 == 0).collect()
     }
 
     fn size(&self, units: u32) -> (u32, u32) {

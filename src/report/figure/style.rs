@@ -18,8 +18,9 @@ pub const GREY: Color = [0x60, 0x60, 0x60];
 /// The lines behind the curves.
 pub const LIGHT: Color = [0xe6, 0xe6, 0xe6];
 
-/// The curves' colours: Okabe and Ito (2008), without their yellow, which is too light for a line on white.
-pub const PALETTE: [Color; 7] = [
+/// The curves' colours: Okabe and Ito (2008), without their yellow, which is too light for a line on white; then five that
+/// differ from those and from each other in lightness too.
+pub const PALETTE: [Color; 12] = [
     [0x00, 0x72, 0xb2],
     [0xd5, 0x5e, 0x00],
     [0x00, 0x9e, 0x73],
@@ -27,6 +28,11 @@ pub const PALETTE: [Color; 7] = [
     [0x00, 0x00, 0x00],
     [0xe6, 0x9f, 0x00],
     [0x56, 0xb4, 0xe9],
+    [0x88, 0x22, 0x55],
+    [0x99, 0x99, 0x33],
+    [0x5e, 0x3c, 0x99],
+    [0x8c, 0x56, 0x3b],
+    [0xa0, 0xa0, 0xa0],
 ];
 
 /// Breadth of a curve.
@@ -34,8 +40,8 @@ pub const CURVE: f64 = 1.5;
 /// Opacity of a band.
 pub const BAND: f64 = 0.16;
 
-/// Dash and gap, in turn, of curves after the palette's first round.
-const SECOND_ROUND: [f64; 2] = [7.0, 2.5];
+/// Dash and gap, in turn, of curves in each round of the palette; the last is for all that follow.
+const ROUNDS: [&[f64]; 4] = [&[], &[7.0, 2.5], &[9.0, 2.0, 2.0, 2.0], &[3.0, 2.0]];
 const PAPER: [f64; 2] = [4.0, 2.0];
 const DEMO: [f64; 2] = [1.5, 2.5];
 const TOLERANCE: [f64; 2] = [1.5, 1.8];
@@ -67,8 +73,7 @@ impl Look {
     /// Its line through `points`; `color` where the look has none of its own.
     pub fn line(self, points: &[(f64, f64)], color: Color) -> Vec<Shape> {
         let (width, color, pattern): (f64, Color, &[f64]) = match self {
-            Self::Series(index) if index < PALETTE.len() => (CURVE, self::color(index), &[]),
-            Self::Series(index) => (CURVE, self::color(index), &SECOND_ROUND),
+            Self::Series(index) => (CURVE, self::color(index), ROUNDS[round(index).min(ROUNDS.len() - 1)]),
             Self::Paper => (1.6, color, &PAPER),
             Self::Demo => (1.1, GREY, &DEMO),
             Self::Tolerance => (1.1, color, &TOLERANCE),
@@ -82,18 +87,28 @@ pub fn color(index: usize) -> Color {
     PALETTE[index % PALETTE.len()]
 }
 
+/// How often the palette was used up before this series.
+fn round(index: usize) -> usize {
+    index / PALETTE.len()
+}
+
 /// The marker of the series with this index, edged in white so that it stands off its curve.
 pub fn marker(index: usize, at: (f64, f64)) -> [Shape; 2] {
     let size = 3.3;
-    let edge = size + 0.9;
-    let area = |radius: f64, color| {
-        let points = outline(index).iter().map(|(x, y)| (at.0 + x * radius, at.1 + y * radius)).collect();
-        Shape::Area { points, color, opacity: 1.0 }
-    };
-    [area(edge, [0xff; 3]), area(size, color(index))]
+    [shape(index, at, size + 0.9, [0xff; 3]), shape(index, at, size, color(index))]
 }
 
-/// A shape of about the unit circle's size; seven different ones.
+/// A small marker, for a point that no line leads to.
+pub fn dot(index: usize, at: (f64, f64)) -> Shape {
+    shape(index, at, 1.6, color(index))
+}
+
+fn shape(index: usize, at: (f64, f64), radius: f64, color: Color) -> Shape {
+    let points = outline(index).iter().map(|(x, y)| (at.0 + x * radius, at.1 + y * radius)).collect();
+    Shape::Area { points, color, opacity: 1.0 }
+}
+
+/// A shape of about the unit circle's size; twelve different ones, shifted against the colours in each round.
 fn outline(index: usize) -> Vec<(f64, f64)> {
     let polygon = |corners: usize, first: f64| {
         let corner = move |corner: usize| {
@@ -105,28 +120,45 @@ fn outline(index: usize) -> Vec<(f64, f64)> {
     let larger = |factor: f64, points: Vec<(f64, f64)>| -> Vec<(f64, f64)> {
         points.into_iter().map(|(x, y)| (x * factor, y * factor)).collect()
     };
-    match index % PALETTE.len() {
+    let star = |tips: usize, inner: f64| {
+        let corner = |corner: usize| {
+            let angle = (360.0 * corner as f64 / (2 * tips) as f64 - 90.0).to_radians();
+            let radius = if corner.is_multiple_of(2) { 1.0 } else { inner };
+            (radius * angle.cos(), radius * angle.sin())
+        };
+        (0..2 * tips).map(corner).collect::<Vec<_>>()
+    };
+    match (index + round(index)) % PALETTE.len() {
         0 => polygon(24, 0.0),
         1 => larger(1.2, polygon(4, 45.0)),
         2 => larger(1.3, polygon(3, -90.0)),
         3 => larger(1.25, polygon(4, 0.0)),
         4 => larger(1.3, polygon(3, 90.0)),
-        5 => {
-            // A plus.
-            let (long, short) = (1.2, 0.42);
-            let corners = [(short, long), (short, short), (long, short)];
-            let quarter = |turn: usize| {
-                corners.map(|(x, y)| match turn {
-                    0 => (x, y),
-                    1 => (y, -x),
-                    2 => (-x, -y),
-                    _ => (-y, x),
-                })
-            };
-            (0..4).flat_map(quarter).collect()
+        5 => plus(),
+        6 => larger(1.1, polygon(6, 0.0)),
+        7 => larger(1.3, polygon(3, 0.0)),
+        8 => larger(1.5, star(5, 0.42)),
+        9 => {
+            let diagonal = std::f64::consts::FRAC_1_SQRT_2;
+            plus().into_iter().map(|(x, y)| (diagonal * (x - y), diagonal * (x + y))).collect()
         }
-        _ => larger(1.1, polygon(6, 0.0)),
+        10 => larger(1.3, polygon(3, 180.0)),
+        _ => larger(1.5, star(4, 0.35)),
     }
+}
+
+fn plus() -> Vec<(f64, f64)> {
+    let (long, short) = (1.2, 0.42);
+    let corners = [(short, long), (short, short), (long, short)];
+    let quarter = |turn: usize| {
+        corners.map(|(x, y)| match turn {
+            0 => (x, y),
+            1 => (y, -x),
+            2 => (-x, -y),
+            _ => (-y, x),
+        })
+    };
+    (0..4).flat_map(quarter).collect()
 }
 
 /// The line through `points`, cut into dashes by `pattern` (lengths of dash and gap in turn); whole for no pattern.
@@ -173,16 +205,42 @@ mod tests {
     }
 
     #[test]
-    fn seven_series_differ_in_colour_and_marker() {
-        for one in 0..7 {
+    fn no_two_of_a_hundred_series_look_alike_and_twelve_differ_in_colour_and_marker() {
+        let look = |index: usize| (color(index), outline(index), ROUNDS[round(index).min(3)].len());
+        for one in 0..100 {
             for other in 0..one {
-                assert_ne!(color(one), color(other));
-                assert_ne!(outline(one), outline(other));
+                let (left, right) = (look(one), look(other));
+                assert!(left != right, "{one} looks like {other}");
+                assert!(one >= 12 || (left.0 != right.0 && left.1 != right.1), "{one} is half of {other}");
             }
         }
-        assert_ne!(
-            Look::Series(0).line(&[(0.0, 0.0), (50.0, 0.0)], BLACK).len(),
-            Look::Series(7).line(&[(0.0, 0.0), (50.0, 0.0)], BLACK).len()
-        );
+    }
+
+    /// CIE 1976 colour difference of the palette's colours: below about 10 two thin lines are hard to tell apart.
+    #[test]
+    fn colours_are_far_apart() {
+        let lab = |color: Color| {
+            let linear = color.map(|channel| {
+                let share = f64::from(channel) / 255.0;
+                if share <= 0.04045 { share / 12.92 } else { ((share + 0.055) / 1.055).powf(2.4) }
+            });
+            let [x, y, z] = [
+                [0.4124 / 0.9505, 0.3576 / 0.9505, 0.1805 / 0.9505],
+                [0.2126, 0.7152, 0.0722],
+                [0.0193 / 1.089, 0.1192 / 1.089, 0.9505 / 1.089],
+            ]
+            .map(|row| {
+                let share: f64 = row.iter().zip(linear).map(|(weight, channel)| weight * channel).sum();
+                if share > 0.008856 { share.cbrt() } else { 7.787 * share + 16.0 / 116.0 }
+            });
+            [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
+        };
+        for (one, &color) in PALETTE.iter().enumerate() {
+            for (other, &before) in PALETTE[..one].iter().enumerate() {
+                let (left, right) = (lab(color), lab(before));
+                let distance = left.iter().zip(right).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+                assert!(distance > 25.0, "colours {one} and {other} are {distance:.0} apart");
+            }
+        }
     }
 }

@@ -1,9 +1,6 @@
 //! Where an axis is marked, and how.
 
-use crate::report::{
-    axis::{number_label, superscript},
-    notes,
-};
+use crate::report::axis::superscript;
 
 /// An axis from `low` to `high`, in the units of its data.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -66,24 +63,32 @@ impl Scale {
 
     /// The marks, about `wanted` of them with a label.
     pub fn ticks(&self, wanted: usize) -> Vec<Tick> {
-        if self.log && (self.high / self.low).log10() >= 1.0 {
-            return self.powers(wanted);
+        if self.log {
+            let powers = self.powers(wanted);
+            if powers.iter().filter(|tick| !tick.label.is_empty()).count() > 1 {
+                return powers;
+            }
         }
-        let step = round_step((self.high - self.low) / wanted.max(1) as f64);
-        let whole = |decimals: &usize| (step * 10_f64.powi(*decimals as i32)).fract().abs() < 1e-6;
-        let decimals = (0..12).find(whole).unwrap_or(12);
-        self.multiples(step).into_iter().map(|at| Tick { at, label: number(at, decimals) }).collect()
+        self.multiples(Step::near((self.high - self.low) / wanted.max(1) as f64), 1e4)
     }
 
-    /// The marks of environment steps, about `wanted` of them (`0`, `1M`, `20k`).
+    /// The marks of environment steps, about `wanted` of them (`0`, `1M`, `20k`): whole numbers.
     pub fn step_ticks(&self, wanted: usize) -> Vec<Tick> {
-        let step = round_step((self.high - self.low) / wanted.max(1) as f64).max(1.0);
-        self.multiples(step).into_iter().map(|at| Tick { at, label: notes::steps(at as u64) }).collect()
+        self.multiples(Step::near(((self.high - self.low) / wanted.max(1) as f64).max(1.0)), 1e3)
     }
 
-    fn multiples(&self, step: f64) -> Vec<f64> {
-        let (first, last) = ((self.low / step).ceil() as i64, (self.high / step).floor() as i64);
-        (first..=last).map(|index| index as f64 * step).collect()
+    /// Every multiple of `step`; from `thousands` on they may be written with `k`.
+    fn multiples(&self, step: Step, thousands: f64) -> Vec<Tick> {
+        let width = step.value(1);
+        let (first, last) = ((self.low / width).ceil() as i64, (self.high / width).floor() as i64);
+        let multiples: Vec<i64> = (first..=last).collect();
+        let labels = step.labels(&multiples, thousands);
+        multiples
+            .into_iter()
+            .map(|multiple| step.value(multiple))
+            .zip(labels)
+            .map(|(at, label)| Tick { at, label })
+            .collect()
     }
 
     fn powers(&self, wanted: usize) -> Vec<Tick> {
@@ -110,26 +115,71 @@ impl Scale {
     }
 }
 
-/// The next of 1, 2, 2.5, 5, 10 times a power of ten; a little less will do.
-fn round_step(about: f64) -> f64 {
-    let least = 0.8 * about;
-    let power = 10_f64.powf(least.log10().floor());
-    [1.0, 2.0, 5.0, 10.0]
-        .map(|digit| digit * power)
-        .into_iter()
-        .find(|step| *step >= least * (1.0 - 1e-9))
-        .unwrap_or(least)
+/// The distance of marks: `digit` (1, 2 or 5) times ten to the `exponent`. A multiple of it has exact digits, so that labels of
+/// one axis differ whatever its numbers are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Step {
+    digit: i64,
+    exponent: i32,
 }
 
-/// `−2000`, `0.25`, `10k`, `2.5M`: short, with a true minus.
-fn number(value: f64, decimals: usize) -> String {
-    let size = value.abs();
-    if size >= 1e9 {
-        return number_label(value);
+impl Step {
+    /// The least one that is not much less than `about`.
+    fn near(about: f64) -> Self {
+        let least = 0.8 * about;
+        let exponent = least.log10().floor() as i32;
+        let candidates = [1, 2, 5, 10].map(|digit| Self { digit, exponent });
+        let found = candidates.into_iter().find(|step| step.value(1) >= least * (1.0 - 1e-9));
+        match found {
+            Some(Self { digit: 10, .. }) | None => Self { digit: 1, exponent: exponent + 1 },
+            Some(step) => step,
+        }
     }
-    let sign = if value < 0.0 { "−" } else { "" };
-    let text = if size >= 1e4 { notes::steps(size as u64) } else { format!("{size:.decimals$}") };
-    format!("{sign}{text}")
+
+    /// The multiple's value, the nearest number to its digits.
+    fn value(self, multiple: i64) -> f64 {
+        let digits = i128::from(multiple) * i128::from(self.digit);
+        format!("{digits}e{}", self.exponent).parse().unwrap_or(f64::NAN)
+    }
+
+    /// The labels of multiples, all in one notation: as digits, with `k` or `M` (`thousands` and a million at least), or as a
+    /// power of ten; whichever has the shortest labels.
+    fn labels(self, multiples: &[i64], thousands: f64) -> Vec<String> {
+        let most = multiples.iter().map(|multiple| self.value(*multiple).abs()).fold(0.0, f64::max);
+        let power = if most > 0.0 { most.log10().floor() as i32 } else { 0 };
+        let mut notations = vec![(0, String::new())];
+        notations.extend((most >= thousands).then(|| (3, "k".to_owned())));
+        notations.extend((most >= 1e6).then(|| (6, "M".to_owned())));
+        notations
+            .extend((!(-3..9).contains(&power)).then(|| (power, format!("·10{}", superscript(&power.to_string())))));
+        let labels = |(unit, name): &(i32, String)| -> Vec<String> {
+            multiples.iter().map(|multiple| self.label(*multiple, *unit, name)).collect()
+        };
+        let length = |labels: &Vec<String>| labels.iter().map(|label| label.chars().count()).sum::<usize>();
+        notations.iter().map(labels).min_by_key(length).unwrap_or_default()
+    }
+
+    /// The multiple's digits over ten to the `unit`, then its name.
+    fn label(self, multiple: i64, unit: i32, name: &str) -> String {
+        let digits = i128::from(multiple) * i128::from(self.digit);
+        if digits == 0 {
+            return "0".to_owned();
+        }
+        let sign = if digits < 0 { "−" } else { "" };
+        let digits = digits.unsigned_abs().to_string();
+        let number = match self.exponent - unit {
+            zeros @ 0.. => digits + &"0".repeat(zeros as usize),
+            places => {
+                let places = places.unsigned_abs() as usize;
+                let digits = format!("{digits:0>width$}", width = places + 1);
+                format!("{}.{}", &digits[..digits.len() - places], &digits[digits.len() - places..])
+            }
+        };
+        match (number.as_str(), name.strip_prefix('·')) {
+            ("1", Some(power)) => format!("{sign}{power}"),
+            _ => format!("{sign}{number}{name}"),
+        }
+    }
 }
 
 #[cfg(test)]
@@ -177,10 +227,56 @@ mod tests {
     }
 
     #[test]
-    fn large_numbers_are_short() {
+    fn labels_of_one_axis_have_one_notation_and_differ() {
+        let linear = |low, high, wanted| {
+            let ticks = Scale { low, high, log: false }.ticks(wanted);
+            labels(&ticks).join(" ")
+        };
+        assert_eq!(linear(0.0, 15_500.0, 3), "0 5k 10k 15k");
+        assert_eq!(linear(-26_000.0, 1000.0, 3), "−20k −10k 0");
+        assert_eq!(linear(12_000.0, 12_003.0, 4), "12000 12001 12002 12003");
         assert_eq!(
-            [number(-25_000.0, 0), number(9000.0, 0), number(0.25, 2), number(-0.5, 1)],
-            ["−25k", "9000", "0.25", "−0.5"]
+            linear(0.99e-4, 1.36e-4, 7),
+            "0.000100 0.000105 0.000110 0.000115 0.000120 0.000125 0.000130 0.000135"
         );
+        assert_eq!(linear(0.0, 5.2e-8, 5), "0 10⁻⁸ 2·10⁻⁸ 3·10⁻⁸ 4·10⁻⁸ 5·10⁻⁸");
+        assert_eq!(linear(0.0, 6.1e23, 3), "0 2·10²³ 4·10²³ 6·10²³");
+        assert_eq!(linear(0.0, 0.5, 5), "0 0.1 0.2 0.3 0.4 0.5");
+        assert_eq!(linear(0.0, 9500.0, 4), "0 2000 4000 6000 8000");
+    }
+
+    /// What a label says, read as a person would.
+    fn read(label: &str) -> f64 {
+        let plain: String = label.chars().map(|c| if c == '−' { '-' } else { c }).collect();
+        let power_alone = |sign, start| Some((sign, plain.strip_prefix(start)?));
+        let split = plain.split_once('·').or_else(|| power_alone("1", "10")).or_else(|| power_alone("-1", "-10"));
+        let (number, unit) = match split {
+            Some((number, power)) if power.contains(|c| "⁻⁰¹²³⁴⁵⁶⁷⁸⁹".contains(c)) => {
+                let lowered = |c| "⁻⁰¹²³⁴⁵⁶⁷⁸⁹".chars().position(|raised| raised == c);
+                let digits = power.chars().filter_map(lowered).map(|place| "-0123456789".as_bytes()[place] as char);
+                (number.to_owned(), digits.collect::<String>().parse().expect("a power"))
+            }
+            _ if plain.ends_with('k') => (plain.trim_end_matches('k').to_owned(), 3),
+            _ if plain.ends_with('M') => (plain.trim_end_matches('M').to_owned(), 6),
+            _ => (plain, 0),
+        };
+        format!("{number}e{unit}").parse().expect("a number")
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn every_label_says_where_its_mark_is(
+            low in -1.0..1.0_f64, width in 1e-6..1.0_f64, size in -30..30_i32, wanted in 1..12_usize, steps: bool,
+        ) {
+            let scale = Scale { low: low * 10_f64.powi(size), high: (low + width) * 10_f64.powi(size), log: false };
+            let ticks = if steps { scale.step_ticks(wanted) } else { scale.ticks(wanted) };
+            let labels: std::collections::BTreeSet<&str> = labels(&ticks).into_iter().collect();
+            proptest::prop_assert_eq!(labels.len(), ticks.len());
+            for tick in &ticks {
+                let said = read(&tick.label);
+                proptest::prop_assert!((said - tick.at).abs() <= 1e-14 * tick.at.abs(), "{:?} says {}", tick, said);
+                proptest::prop_assert!(tick.at >= scale.low * (1.0 - 1e-9) - 1e-300 || tick.at <= scale.high);
+            }
+        }
     }
 }

@@ -44,6 +44,10 @@ impl Checker<'_> {
             "name" => self.name(value),
             "series" | "rows" => many.for_each(|element| self.dimension(element)),
             "columns" => self.dimension(value),
+            "y" if one.is_some_and(|column| figure::WORDS.contains(&column)) => {
+                let message = format!("`{}` holds words; a figure draws numbers", one.unwrap_or_default());
+                self.wrong(value.span(), message, None);
+            }
             "y" => self.known("y", value, &figure::columns()),
             "reference" => self.known("reference", value, &figure::REFERENCES),
             "only" => {

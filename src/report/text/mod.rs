@@ -1,0 +1,317 @@
+//! Tables as text: Markdown, LaTeX, CSV and the terminal.
+//!
+//! Owns the layout of a table's cells. Knows nothing of where the numbers come from. Start at [`markdown`]; [`Grid`] is what all
+//! formats but CSV show.
+
+mod csv;
+mod digits;
+mod terminal;
+
+pub use csv::{csv, curves_csv};
+pub use terminal::terminal;
+
+use super::{
+    axis, notes,
+    table::{Cell, Row, TableData},
+};
+use crate::escape;
+use digits::{alone, plus_minus};
+
+/// Digits after the point that one of our numbers is shown with at most.
+const OUR_DECIMALS: usize = 4;
+/// Those that the paper prints.
+const PAPER_DECIMALS: usize = 2;
+
+/// A table of texts.
+struct Grid {
+    headers: Vec<String>,
+    rows: Vec<Vec<String>>,
+    /// How many columns, the first ones, say what a row is.
+    names: usize,
+    /// Whether each column holds numbers, which are aligned right.
+    numeric: Vec<bool>,
+}
+
+/// The table as Markdown, aligned so that it reads as text too.
+pub fn markdown(data: &TableData) -> String {
+    let mut text = format!("# {}\n\n", escape::markdown(&data.title));
+    if data.columns.len() > 1 {
+        text.push_str(&markdown_grid(&matrix(data)));
+        text.push('\n');
+    }
+    text.push_str(&markdown_grid(&list(data)));
+    text.push('\n');
+    for note in &data.notes {
+        text.push_str(&format!("- {}\n", escape::markdown(note)));
+    }
+    text
+}
+
+/// The table for LaTeX with the package booktabs; a `table` environment to `\input`.
+pub fn latex(data: &TableData) -> String {
+    let grid = compact(data);
+    let alignment: String = grid.numeric.iter().map(|numeric| if *numeric { 'r' } else { 'l' }).collect();
+    let line =
+        |cells: &[String]| cells.iter().map(|cell| escape::latex(cell)).collect::<Vec<_>>().join(" & ") + " \\\\\n";
+    let mut text = String::from("% needs \\usepackage{booktabs}\n\\begin{table}\n\\centering\n");
+    text.push_str(&format!(
+        "\\caption{{{}}}\n\\begin{{tabular}}{{{alignment}}}\n\\toprule\n",
+        escape::latex(&data.title)
+    ));
+    text.push_str(&line(&grid.headers));
+    text.push_str("\\midrule\n");
+    for row in &grid.rows {
+        text.push_str(&line(row));
+    }
+    text.push_str("\\bottomrule\n\\end{tabular}\n\n\\footnotesize\n");
+    for note in &data.notes {
+        text.push_str(&format!("{}\n", escape::latex(note)));
+    }
+    text.push_str("\\end{table}\n");
+    text
+}
+
+/// The one grid for LaTeX and the terminal: the matrix where there are several columns, else the list.
+fn compact(data: &TableData) -> Grid {
+    if data.columns.len() > 1 { matrix(data) } else { list(data) }
+}
+
+/// What the rows are told apart by, in words.
+fn row_headers(data: &TableData) -> Vec<String> {
+    data.row_keys.iter().map(|key| axis::key_label(key)).collect()
+}
+
+/// Rows by columns; below each row of ours, the paper's.
+fn matrix(data: &TableData) -> Grid {
+    let mut headers = row_headers(data);
+    let has_paper = |row: &Row| row.cells.iter().flatten().any(|cell| cell.paper.is_some()) || row.paper_demo.is_some();
+    let compares = data.rows.iter().any(has_paper);
+    let has_demo = data.rows.iter().any(|row| row.demo.or(row.paper_demo).is_some());
+    if compares {
+        headers.push(String::new());
+    }
+    let names = headers.len();
+    if has_demo {
+        headers.push("Demo".to_owned());
+    }
+    headers.extend(data.columns.iter().map(|column| column.text.clone()));
+    let demo = |value: Option<f64>| has_demo.then(|| value.map_or(String::new(), alone));
+    let mut rows = Vec::new();
+    for row in &data.rows {
+        let mut ours = row.labels.clone();
+        if compares {
+            ours.push("ours".to_owned());
+        }
+        ours.extend(demo(row.demo));
+        ours.extend(row.cells.iter().map(|cell| match cell {
+            None => String::new(),
+            Some(cell) if cell.seeds < cell.planned => format!("{} ({})", our_value(cell), of(cell)),
+            Some(cell) => our_value(cell),
+        }));
+        rows.push(ours);
+        if compares {
+            let mut paper = vec![String::new(); row.labels.len()];
+            paper.push("paper".to_owned());
+            paper.extend(demo(row.paper_demo));
+            paper.extend(row.cells.iter().map(|cell| paper_value(cell.as_ref())));
+            rows.push(paper);
+        }
+    }
+    let numeric = (0..headers.len()).map(|column| column >= names).collect();
+    Grid { headers, rows, names, numeric }
+}
+
+/// One row a cell.
+fn list(data: &TableData) -> Grid {
+    let several = data.columns.len() > 1;
+    let compares = data.rows.iter().any(|row| row.cells.iter().flatten().any(|cell| cell.paper.is_some()));
+    let mut headers = row_headers(data);
+    if several {
+        headers.extend(data.column_keys.first().map(|key| axis::key_label(key)));
+    }
+    let names = headers.len();
+    headers.extend(["ours", "seeds", "best seed"].map(str::to_owned));
+    if compares {
+        headers.extend(["paper", "verdict"].map(str::to_owned));
+    }
+    let mut rows = Vec::new();
+    for row in &data.rows {
+        for (column, cell) in data.columns.iter().zip(&row.cells) {
+            let Some(cell) = cell else { continue };
+            let mut line = row.labels.clone();
+            if several {
+                line.push(column.text.clone());
+            }
+            line.extend([our_value(cell), of(cell)]);
+            line.push(cell.best.map_or(String::new(), |best| plus_minus(best.mean, best.std, OUR_DECIMALS)));
+            if compares {
+                line.push(paper_value(Some(cell)));
+                line.push(cell.verdict.as_ref().map_or(String::new(), |verdict| verdict.text()));
+            }
+            rows.push(line);
+        }
+    }
+    let numeric = headers.iter().enumerate().map(|(column, header)| column >= names && header != "verdict").collect();
+    Grid { headers, rows, names, numeric }
+}
+
+fn our_value(cell: &Cell) -> String {
+    match cell.ours {
+        None => "–".to_owned(),
+        Some(ours) if cell.seeds < 2 => alone(ours.mean),
+        Some(ours) => plus_minus(ours.mean, (ours.high - ours.low) / 2.0, OUR_DECIMALS),
+    }
+}
+
+fn paper_value(cell: Option<&Cell>) -> String {
+    let paper = cell.and_then(|cell| cell.paper);
+    paper.map_or(String::new(), |paper| plus_minus(paper.mean, paper.std, PAPER_DECIMALS))
+}
+
+/// `4 of 5 seeds`, or `5 seeds` where none is lacking.
+fn of(cell: &Cell) -> String {
+    if cell.seeds < cell.planned {
+        format!("{} of {}", cell.seeds, notes::count(cell.planned, "seed"))
+    } else {
+        notes::count(cell.seeds, "seed")
+    }
+}
+
+fn markdown_grid(grid: &Grid) -> String {
+    let escaped = |cell: &String| escape::markdown(cell);
+    let lines: Vec<Vec<String>> =
+        [&grid.headers].into_iter().chain(&grid.rows).map(|row| row.iter().map(escaped).collect()).collect();
+    let width = |column: usize| lines.iter().map(|line| line[column].chars().count()).max().unwrap_or(0).max(3);
+    let widths: Vec<usize> = (0..grid.headers.len()).map(width).collect();
+    let mut text = String::new();
+    for (index, line) in lines.iter().enumerate() {
+        for (column, (cell, &width)) in line.iter().zip(&widths).enumerate() {
+            let padded = if grid.numeric[column] { format!("{cell:>width$}") } else { format!("{cell:<width$}") };
+            text.push_str(&format!("| {padded} "));
+        }
+        text.push_str("|\n");
+        if index == 0 {
+            for (column, width) in widths.iter().enumerate() {
+                let rule = "-".repeat(width - 1);
+                text.push_str(&if grid.numeric[column] { format!("| {rule}: ") } else { format!("| :{rule} ") });
+            }
+            text.push_str("|\n");
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use crate::{
+        report::{fixture, recorded::Run},
+        spec::Table,
+    };
+
+    /// A table of `runs`.
+    pub fn made_up(rows: &[&str], columns: &str, reference: &str, runs: &[Run]) -> TableData {
+        let table = Table {
+            name: "t".into(),
+            title: "50 % & more".into(),
+            rows: rows.iter().map(|row| (*row).into()).collect(),
+            columns: columns.into(),
+            only: None,
+            reference: Some(reference.into()),
+        };
+        let mut data = TableData::new(&table, &runs.iter().collect::<Vec<_>>());
+        data.notes.truncate(1);
+        data
+    }
+
+    fn comparison() -> TableData {
+        let mcpo = |seed| fixture::mcpo("Hopper-v2", 1e-4, 1e-3, seed);
+        made_up(
+            &["env"],
+            "algorithm",
+            "table3",
+            &[
+                fixture::ppo("Hopper-v2", 0).finished(&[(100, &[-10.0, 20.0])]),
+                fixture::ppo("Hopper-v2", 1).failed("training diverged"),
+                mcpo(0).finished(&[(100, &[1800.0, 1802.0])]).demonstrated(Some("a"), Some(974.42)),
+                mcpo(1).finished(&[(100, &[1803.0, 1803.0])]).demonstrated(Some("a"), Some(974.42)),
+                fixture::ppo("Ant-v2", 0),
+            ],
+        )
+    }
+
+    fn ablation() -> TableData {
+        made_up(
+            &["d", "epsilon"],
+            "algorithm",
+            "table5",
+            &[
+                fixture::mcpo("HalfCheetah-v2", 1.0, 0.0, 0).finished(&[(100, &[-600.25])]),
+                fixture::mcpo("HalfCheetah-v2", 1e-3, 2e-3, 0).finished(&[(100, &[120.5])]),
+            ],
+        )
+    }
+
+    #[test]
+    fn markdown_has_the_matrix_and_every_cell() {
+        let expected = "\
+# 50 % &amp; more
+
+| environment |       |   Demo |              PPO |       MCPO |
+| :---------- | :---- | -----: | ---------------: | ---------: |
+| Hopper-v2   | ours  | 974.42 | 5 (1 of 2 seeds) |  1802 ± 13 |
+|             | paper | 969.71 |          17 ± 14 | 1898 ± 904 |
+| Ant-v2      | ours  |        |  – (0 of 1 seed) |            |
+|             | paper |   1942 |     −2333 ± 2194 |            |
+
+| environment | algorithm |      ours |        seeds | best seed |        paper | verdict                               |
+| :---------- | :-------- | --------: | -----------: | --------: | -----------: | :------------------------------------ |
+| Hopper-v2   | PPO       |         5 | 1 of 2 seeds |    5 ± 21 |      17 ± 14 | not comparable: 1 seed; 3 are needed  |
+| Hopper-v2   | MCPO      | 1802 ± 13 |      2 seeds |  1803 ± 0 |   1898 ± 904 | not comparable: 2 seeds; 3 are needed |
+| Ant-v2      | PPO       |         – |  0 of 1 seed |           | −2333 ± 2194 | not comparable: no finished run       |
+
+- 3 of 5 runs finished.
+";
+        assert_eq!(markdown(&comparison()), expected);
+    }
+
+    #[test]
+    fn a_single_column_is_shown_as_a_list() {
+        let expected = "\
+# 50 % &amp; more
+
+| d    | ε      |    ours |  seeds | best seed |      paper | verdict                              |
+| :--- | :----- | ------: | -----: | --------: | ---------: | :----------------------------------- |
+| 1    | 0      | −600.25 | 1 seed |   −600.25 | −587 ± 987 | not comparable: 1 seed; 3 are needed |
+| 10⁻³ | 2·10⁻³ |   120.5 | 1 seed |     120.5 | 2943 ± 100 | not comparable: 1 seed; 3 are needed |
+
+- 2 of 2 runs finished.
+";
+        assert_eq!(markdown(&ablation()), expected);
+    }
+
+    #[test]
+    fn latex_escapes_what_it_must() {
+        let text = latex(&ablation());
+        assert!(text.contains("\\caption{50 \\% \\& more}"), "{text}");
+        assert!(text.contains("\\begin{tabular}{llrrrrl}\n\\toprule\nd & $\\epsilon$ & ours & seeds"), "{text}");
+        assert!(text.contains("10$^{-3}$ & 2$\\cdot$10$^{-3}$ & 120.5 & 1 seed"), "{text}");
+        assert!(text.contains("$-$587 $\\pm$ 987"), "{text}");
+        let text = latex(&comparison());
+        assert!(text.contains("Hopper-v2 & ours & 974.42 & 5 (1 of 2 seeds)"), "{text}");
+        assert!(text.contains(" & paper & 969.71 & 17 $\\pm$ 14"), "{text}");
+    }
+
+    #[test]
+    fn csv_has_one_row_a_cell_and_every_number_in_full() {
+        let bytes = csv(&comparison()).expect("written");
+        let text = String::from_utf8(bytes).expect("text");
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines.len(), 4, "{text}");
+        assert!(lines[0].starts_with("env,algorithm,mean,low,high,seeds,planned_seeds,"), "{text}");
+        assert!(lines[1].starts_with("Hopper-v2,ppo,5,,,1,2,0,5,21.213203435596427,2,17.09,13.54,"), "{text}");
+        assert!(lines[2].starts_with("Hopper-v2,mcpo,1802,1789.29"), "{text}");
+        assert!(lines[2].ends_with(",100,974.42,969.71"), "{text}");
+        assert!(lines[3].ends_with("ppo,,,,0,1,,,,,-2332.95,2193.85,not comparable: no finished run,100,,1942.05"));
+    }
+}
