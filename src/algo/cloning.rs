@@ -62,7 +62,7 @@ pub fn clone_behaviour(
     rng: &mut Rng,
     mut epoch: impl FnMut(u64, f64, &Agent),
 ) -> Result<(), AlgoError> {
-    agent.normalizer = Normalizer::anchored(&demonstration.observations, agent.normalizer.clip());
+    agent.normalizer = Normalizer::held(&demonstration.observations, agent.normalizer.clip());
     let observations = agent.normalizer.normalize_columns(&demonstration.observations);
     let actions = demonstration.actions.map(|action| action as f32);
 

@@ -27,7 +27,6 @@ pub mod tolerance;
 pub mod trpo;
 pub mod trust_region;
 
-use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
 pub use batch::{Batch, Segment, SegmentEnd};
@@ -53,16 +52,6 @@ impl Agent {
     pub fn hidden(&self) -> &[usize] {
         let widths = self.value.widths();
         &widths[1..widths.len() - 1]
-    }
-
-    /// Takes a rollout's raw observations (`[observation_dim x n]`) into account in a normaliser that was
-    /// [held](Normalizer::held) meanwhile, and does nothing to another. Policy and value network stay the functions of raw observations that they were,
-    /// up to rounding and the clip (van Hasselt et al., 2016, do so with outputs).
-    pub fn absorb(&mut self, raw_observations: &DMatrix<f64>) {
-        if let Some(rescaling) = self.normalizer.absorb(raw_observations) {
-            self.policy.rescale_inputs(&rescaling);
-            self.value.rescale_inputs(&rescaling);
-        }
     }
 }
 

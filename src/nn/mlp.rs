@@ -6,7 +6,6 @@ use nalgebra::{DMatrix, DMatrixView};
 use rand::RngExt as _;
 use serde::{Deserialize, Serialize};
 
-use super::Rescaling;
 use super::pass::{
     CHUNK, Kept, Pass, Scratch, chunks, columns, columns_mut, cut, first, matrix, matrix_mut, sum_over_chunks,
 };
@@ -61,20 +60,6 @@ impl Mlp {
     /// All parameters, flat, to be changed.
     pub fn parameters_mut(&mut self) -> &mut [f32] {
         &mut self.parameters
-    }
-
-    /// Makes of a function of `old` the same function of `new`, where `old = scale * new + shift` for each input.
-    pub fn rescale_inputs(&mut self, Rescaling { scales, shifts }: &Rescaling) {
-        let (inputs, outputs) = (self.widths[0], self.widths[1]);
-        let (weights, rest) = self.parameters.split_at_mut(inputs * outputs);
-        let mut moved: Vec<f64> = rest[..outputs].iter().map(|&bias| f64::from(bias)).collect();
-        for ((column, scale), shift) in weights.chunks_exact_mut(outputs).zip(scales).zip(shifts) {
-            for (weight, bias) in column.iter_mut().zip(&mut moved) {
-                *bias += f64::from(*weight) * shift;
-                *weight = (f64::from(*weight) * scale) as f32;
-            }
-        }
-        rest.iter_mut().zip(moved).for_each(|(bias, moved)| *bias = moved as f32);
     }
 
     /// Each layer's weights `[out x in]` and biases `[out]`, from the input on.

@@ -16,6 +16,6 @@ mod policy;
 
 pub use fisher::Fisher;
 pub use mlp::Mlp;
-pub use normalizer::{Normalizer, Rescaling};
+pub use normalizer::Normalizer;
 pub use pass::Pass;
 pub use policy::GaussianPolicy;

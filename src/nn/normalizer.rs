@@ -11,10 +11,6 @@ pub struct Normalizer {
     /// Sum of squared deviations from the mean.
     deviations: Vec<f64>,
     clip: f64,
-    /// Where it moves between rollouts alone, see [`Normalizer::held`], the units in which it was held first. A saved policy,
-    /// which no longer moves, does not say.
-    #[serde(default)]
-    held: Option<Units>,
 }
 
 impl Normalizer {
@@ -22,14 +18,14 @@ impl Normalizer {
     /// the clip bounds it.
     pub const EPSILON: f64 = 1e-8;
 
-    /// What one column of a [anchored](Self::anchored) normaliser counts for: so many that a run of 1e8 steps after a demonstration
+    /// What one column of a [`held`](Self::held) normaliser counts for: so many that a run of 1e8 steps after a demonstration
     /// of 100 moves mean and variance by a millionth of how far off it goes.
     pub const HELD: f64 = 1e12;
 
     /// A normaliser of observations of `dim` numbers that has seen none: until it has seen two, it only clips.
     /// Normalised numbers are clipped to `[-clip, clip]`.
     pub fn new(dim: usize, clip: f64) -> Self {
-        Self { count: 0.0, mean: vec![0.0; dim], deviations: vec![0.0; dim], clip, held: None }
+        Self { count: 0.0, mean: vec![0.0; dim], deviations: vec![0.0; dim], clip }
     }
 
     /// A normaliser that has seen the columns of `observations` (`[dim x n]`), from the first on.
@@ -39,57 +35,9 @@ impl Normalizer {
         normalizer
     }
 
-    /// The same normaliser, held while experience is collected: [`observe`](Normalizer::observe) leaves it as it is, and
-    /// whoever holds it takes the rollout's observations into account when the networks behind it can follow.
-    pub fn held(self) -> Self {
-        Self { held: Some(self.units()), ..self }
-    }
-
-    /// Takes one raw observation (`[dim]`) under way into account, unless it is [`held`](Normalizer::held).
-    pub fn observe(&mut self, observation: &[f64]) {
-        if self.held.is_none() {
-            self.update(observation);
-        }
-    }
-
-    /// Takes the columns of `observations` (`[dim x n]`) into account, and gives the change of units that makes a function
-    /// of numbers normalised before the same function of numbers normalised from now on. None where it is not
-    /// [`held`](Normalizer::held).
-    pub fn absorb(&mut self, observations: &DMatrix<f64>) -> Option<Rescaling> {
-        let before = self.since_held()?;
-        observations.as_slice().chunks_exact(self.mean.len()).for_each(|column| self.update(column));
-        let after = self.since_held()?;
-        Some(Rescaling {
-            scales: after.iter().zip(&before).map(|(after, before)| after.scale / before.scale).collect(),
-            shifts: after
-                .iter()
-                .zip(&before)
-                .map(|(after, before)| (after.shift - before.shift) / before.scale)
-                .collect(),
-        })
-    }
-
-    /// The units now, in those in which it was held first. What had hardly varied then was clipped as soon as it did: beyond
-    /// the clip there is nothing to preserve, and the weights behind it stay bounded.
-    fn since_held(&self) -> Option<Vec<Since>> {
-        let (first, now) = (self.held.as_ref()?, self.units());
-        let means = now.mean.iter().zip(&first.mean);
-        let scales = now.scale.iter().zip(&first.scale);
-        let since = means.zip(scales).map(|((mean, first_mean), (scale, first_scale))| Since {
-            scale: (scale / first_scale).min(self.clip),
-            shift: ((mean - first_mean) / first_scale).clamp(-self.clip, self.clip),
-        });
-        Some(since.collect())
-    }
-
-    fn units(&self) -> Units {
-        let divisor = |std: &f64| if self.count < 2.0 { 1.0 } else { std + Self::EPSILON };
-        Units { mean: self.mean.clone(), scale: self.std().iter().map(divisor).collect() }
-    }
-
     /// A normaliser in units of the columns of `observations` (`[dim x n]`), for whatever is seen later too: each column counts
     /// for [`HELD`](Self::HELD) observations. A number that never varies there keeps its own unit.
-    pub fn anchored(observations: &DMatrix<f64>, clip: f64) -> Self {
+    pub fn held(observations: &DMatrix<f64>, clip: f64) -> Self {
         let mut normalizer = Self::from_columns(observations, clip);
         let count = normalizer.count * Self::HELD;
         let variances = normalizer.std().into_iter().zip(&normalizer.mean).map(|(std, mean)| {
@@ -165,35 +113,9 @@ impl Normalizer {
     }
 }
 
-/// What is subtracted from each feature `[dim]`, and what the difference is divided by `[dim]`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-struct Units {
-    mean: Vec<f64>,
-    scale: Vec<f64>,
-}
-
-/// One feature's units in those of an earlier time: `earlier = scale * now + shift`.
-struct Since {
-    scale: f64,
-    shift: f64,
-}
-
-/// How numbers normalised before come from numbers normalised after a [`Normalizer`] moved: `old = scale * new + shift`.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Rescaling {
-    /// New deviations in old ones `[dim]`.
-    pub scales: Vec<f64>,
-    /// The new mean in old units `[dim]`.
-    pub shifts: Vec<f64>,
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        nn::{Mlp, Pass},
-        rng::{Seed, Stream},
-    };
 
     /// Observations whose third number never varies and whose second has a mean far larger than its deviation.
     fn observations() -> DMatrix<f64> {
@@ -202,40 +124,6 @@ mod tests {
             1 => 1e6 + (j as f64 * 1.3).cos() * 1e-2,
             _ => 4.2,
         })
-    }
-
-    #[test]
-    fn networks_stay_the_functions_that_they_were_when_units_move() {
-        let early = DMatrix::from_fn(2, 100, |i, j| (j as f64 * 0.7 + i as f64).sin());
-        let later = early.map(|x| 3.0 * x - 0.5);
-        let mut normalizer = Normalizer::from_columns(&early, 100.0).held();
-        later.column_iter().for_each(|column| normalizer.observe(&[column[0], column[1]]));
-        assert_eq!(normalizer.count(), 100, "it is held");
-        let mut network = Mlp::new(&[2, 8, 2], 1.0, &mut Seed(3).stream(Stream::Network, 0));
-        let outputs = |network: &Mlp, normalizer: &Normalizer| {
-            let mut pass = Pass::default();
-            network.forward(&normalizer.normalize_columns(&later), &mut pass);
-            pass.output().into_owned()
-        };
-        let before = outputs(&network, &normalizer);
-        assert_eq!(Normalizer::from_columns(&early, 100.0).absorb(&later), None, "it is not held");
-        network.rescale_inputs(&normalizer.absorb(&later).expect("it is held"));
-        assert_eq!(normalizer.count(), 200);
-        assert!((outputs(&network, &normalizer) - &before).amax() < 1e-5);
-    }
-
-    #[test]
-    fn a_feature_that_first_moves_keeps_weights_that_are_finite() {
-        let mut normalizer = Normalizer::from_columns(&observations(), 10.0).held();
-        let moved = observations().map(|x| if x == 4.2 { x } else { x + 1.0 });
-        let mut third_moves = moved;
-        third_moves.row_mut(2).iter_mut().enumerate().for_each(|(j, x)| *x += j as f64);
-        let Rescaling { scales, shifts } = normalizer.absorb(&third_moves).expect("it is held");
-        assert_eq!((scales[2], shifts[2]), (10.0, 10.0), "it was clipped as soon as it moved");
-        assert!(scales.iter().chain(&shifts).all(|x| x.abs() <= 10.0), "{scales:?} {shifts:?}");
-        third_moves *= 100.0;
-        let Rescaling { scales, shifts } = normalizer.absorb(&third_moves).expect("it is held");
-        assert_eq!((scales[2], shifts[2]), (1.0, 0.0), "it stays at the clip however far it goes");
     }
 
     #[test]
@@ -295,7 +183,7 @@ mod tests {
     #[test]
     fn a_held_normaliser_keeps_its_units() {
         let seen = observations();
-        let (running, mut held) = (Normalizer::from_columns(&seen, 10.0), Normalizer::anchored(&seen, 10.0));
+        let (running, mut held) = (Normalizer::from_columns(&seen, 10.0), Normalizer::held(&seen, 10.0));
         let normalized = |normalizer: &Normalizer, x: &[f64]| {
             let mut y = [f32::NAN; 3];
             normalizer.normalize(x, &mut y);

@@ -4,7 +4,7 @@
 use nalgebra::{DMatrix, DMatrixView};
 use serde::{Deserialize, Serialize};
 
-use super::{Mlp, Pass, Rescaling};
+use super::{Mlp, Pass};
 use crate::rng::Rng;
 
 /// ln(2 pi).
@@ -54,11 +54,6 @@ impl GaussianPolicy {
         let (mean, log_std) = parameters.split_at(self.mean.parameters().len());
         self.mean.parameters_mut().copy_from_slice(mean);
         self.log_std.copy_from_slice(log_std);
-    }
-
-    /// Makes it the same function of observations in other units.
-    pub fn rescale_inputs(&mut self, rescaling: &Rescaling) {
-        self.mean.rescale_inputs(rescaling);
     }
 
     /// Runs normalised observations (`[observation_dim x n]`) through the mean's network; the means are in

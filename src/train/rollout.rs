@@ -213,7 +213,7 @@ fn collect(
 
     for t in 0..steps {
         for lane in own.iter().chain(others.iter().flatten()) {
-            agent.normalizer.observe(&lane.own.observation);
+            agent.normalizer.update(&lane.own.observation);
         }
         let lanes = own.iter().chain(others.iter().flatten());
         for (lane, input) in lanes.zip(inputs.as_mut_slice().chunks_exact_mut(observation_dim)) {
