@@ -7,6 +7,8 @@ pub mod picture;
 mod style;
 mod ticks;
 
+use std::collections::BTreeSet;
+
 pub use style::{BLACK, PALETTE};
 
 use picture::{Anchor, Picture, Shape, Text, text_width};
@@ -219,8 +221,8 @@ fn notes(data: &CurveData) -> String {
     if curves.is_empty() {
         return String::new();
     }
-    let planned = || curves.iter().map(|(_, _, curve)| curve.planned);
-    let (fewest, most) = (planned().min().unwrap_or(0), planned().max().unwrap_or(0));
+    let finished = || curves.iter().map(|(_, _, curve)| curve.seeds).filter(|seeds| *seeds > 0);
+    let (fewest, most) = (finished().min().unwrap_or(0), finished().max().unwrap_or(0));
     let kind = if data.log_y { "Geometric mean" } else { "Mean" };
     let band = match curves.iter().any(|(_, _, curve)| (2..SEEDS_FOR_BAND).contains(&curve.seeds)) {
         true if most < SEEDS_FOR_BAND => "from one to the other",
@@ -239,8 +241,13 @@ fn notes(data: &CurveData) -> String {
         .filter(|(_, _, curve)| curve.seeds < curve.planned)
         .map(|(env, series, curve)| format!("{} ({} of {})", name(env, series), curve.seeds, curve.planned))
         .collect();
-    if !lacking.is_empty() {
-        notes.push(format!("Fewer finished: {}.", shorten(&lacking)));
+    let counts: BTreeSet<(usize, usize)> = curves.iter().map(|(_, _, curve)| (curve.seeds, curve.planned)).collect();
+    match counts.first() {
+        _ if lacking.is_empty() => {}
+        Some((seeds, planned)) if counts.len() == 1 && curves.len() > 1 => {
+            notes.push(format!("Of each curve {seeds} of {planned} seeds are finished."));
+        }
+        _ => notes.push(format!("Fewer finished: {}.", shorten(&lacking))),
     }
     let mut left_out = |reason: &str, count: fn(&LeftOut) -> usize| {
         let of: Vec<String> = curves
@@ -407,6 +414,16 @@ mod tests {
         let panels = vec![panel("Hopper-v2", vec![Some(few)]), panel("Ant-v2", vec![Some(many)])];
         let told = notes(&figure(panels, 1, "MCPO", false));
         assert!(told.starts_with("Mean over 5 to 15 seeds;") && !told.contains("Fewer finished"), "{told}");
+    }
+
+    #[test]
+    fn seeds_that_are_finished_are_counted_not_planned_ones() {
+        let short = || Some(Curve { seeds: 2, ..curve(&[1.0, 2.0]) });
+        let told = notes(&figure(vec![panel("Hopper-v2", vec![short(), short()])], 2, "MCPO", false));
+        let expected = "Mean over 2 seeds; shaded: from one to the other. Of each curve 2 of 5 seeds are finished.";
+        assert_eq!(told, expected);
+        let told = notes(&figure(vec![panel("Hopper-v2", vec![short(), Some(curve(&[1.0]))])], 2, "MCPO", false));
+        assert!(told.starts_with("Mean over 2 to 5 seeds;") && told.contains("MCPO 0, Hopper-v2 (2 of 5)"), "{told}");
     }
 
     #[test]
