@@ -48,6 +48,10 @@ pub struct CollectArguments {
 /// Returns so near the wanted one (as a share of it) are as good as it.
 const SAME: f64 = 0.01;
 
+/// A policy whose mean return over the starts is no farther off than this (as a share of the wanted one) is as good as the
+/// wanted one; a better policy's mishap has its return, but teaches what is behind a better one.
+const AS_GOOD: f64 = 0.2;
+
 /// A return farther off than this (as a share of the wanted one) is told as a warning.
 const FAR: f64 = 0.1;
 
@@ -61,8 +65,11 @@ struct Wanted {
 /// How far an episode is from what is wanted; the least is the best.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
 enum Misfit {
-    /// The return is the [`SAME`]: how far it is from what it shall be like, or else from the return.
+    /// The return is the [`SAME`] and the policy [`AS_GOOD`]: how far the episode is from what it shall be like, or else from
+    /// the return.
     Near(f64),
+    /// The same of a policy that is better or worse than its episode: how far its mean return is off.
+    Untypical(f64),
     /// How far the return is.
     Far(f64),
 }
@@ -77,6 +84,8 @@ struct Candidate {
     /// Which initial state.
     start: u32,
     dense_return: f64,
+    /// The policy's, over all starts.
+    mean_return: f64,
 }
 
 /// Writes one demonstration an environment, and prints where each comes from.
@@ -123,16 +132,19 @@ impl Wanted {
         (dense_return - self.dense_return).abs() / self.dense_return.abs()
     }
 
-    /// The misfit of an episode of `dense_return`, which `record` gives step by step.
+    /// The misfit of an episode of `dense_return`, which `record` gives step by step, of a policy whose returns are
+    /// `mean_return` in the mean.
     fn misfit(
         &self,
         dense_return: f64,
+        mean_return: f64,
         record: impl FnOnce() -> anyhow::Result<Demonstration>,
     ) -> anyhow::Result<Misfit> {
         let off = self.off(dense_return);
         Ok(match self.like {
             _ if off.is_nan() || off > SAME => Misfit::Far((dense_return - self.dense_return).abs()),
             None => Misfit::Near(off),
+            Some(_) if self.off(mean_return) > AS_GOOD => Misfit::Untypical(self.off(mean_return)),
             Some(like) => Misfit::Near(unlikeness(like, &record()?)),
         })
     }
@@ -163,9 +175,11 @@ fn best(runs: &[RunSpec], results: &Path, starts: u32, wanted: &Wanted) -> anyho
             let generator = |start| run.seed.stream(Stream::Evaluation, start);
             let generators = (0..starts).map(generator).collect();
             let episodes = evaluate::episodes(&mut Actor::MeanAction(&agent), &mut tasks, generators)?;
+            let mean_return = episodes.iter().map(|episode| episode.dense_return).sum::<f64>() / episodes.len() as f64;
             for (start, episode) in (0..).zip(&episodes) {
-                let misfit = wanted
-                    .misfit(episode.dense_return, || Ok(evaluate::record(&agent, &mut tasks[0], generator(start))?))?;
+                let misfit = wanted.misfit(episode.dense_return, mean_return, || {
+                    Ok(evaluate::record(&agent, &mut tasks[0], generator(start))?)
+                })?;
                 if best.as_ref().is_none_or(|(least, _)| misfit < *least) {
                     let candidate = Candidate {
                         run: run.clone(),
@@ -174,6 +188,7 @@ fn best(runs: &[RunSpec], results: &Path, starts: u32, wanted: &Wanted) -> anyho
                         agent: agent.clone(),
                         start,
                         dense_return: episode.dense_return,
+                        mean_return,
                     };
                     best = Some((misfit, candidate));
                 }
@@ -205,6 +220,7 @@ fn write(candidate: &Candidate, wanted: &Wanted, path: &Path) -> anyhow::Result<
     demonstration.provenance = [
         ("environment", run.env.name().to_owned()),
         ("return", format!("{:.6}", candidate.dense_return)),
+        ("mean_return_of_policy", format!("{:.6}", candidate.mean_return)),
         ("wanted_return", wanted.dense_return.to_string()),
         ("policy", format!("{} on the dense reward", run.algorithm_name())),
         ("run", format!("{}/{}", run.experiment, run.id)),
@@ -223,11 +239,12 @@ fn write(candidate: &Candidate, wanted: &Wanted, path: &Path) -> anyhow::Result<
 
 /// Prints what was written, and warns where it is not what was wanted.
 fn tell(candidate: &Candidate, wanted: &Wanted, written: &Demonstration) -> anyhow::Result<()> {
-    let Candidate { run, env_steps, start, dense_return, .. } = candidate;
+    let Candidate { run, env_steps, start, dense_return, mean_return, .. } = candidate;
     let Wanted { dense_return: wanted_return, .. } = wanted;
     let env = run.env;
     print(&format!(
-        "{env:<26} {:>4} steps, return {dense_return:>9.2} (wanted {wanted_return:.2}), action rms {:.3}, D of doing nothing {:.1e}: \
+        "{env:<26} {:>4} steps, return {dense_return:>9.2} (wanted {wanted_return:.2}, the policy's mean \
+         {mean_return:.0}), action rms {:.3}, D of doing nothing {:.1e}: \
          {} after {env_steps} steps, initial state {start}\n",
         written.len(),
         written.action_rms(),
@@ -250,7 +267,7 @@ mod tests {
     }
 
     fn misfit(wanted: &Wanted, dense_return: f64) -> Misfit {
-        wanted.misfit(dense_return, || bail!("the return alone decides")).expect("it is not played")
+        wanted.misfit(dense_return, dense_return, || bail!("the return alone decides")).expect("it is not played")
     }
 
     #[test]
@@ -276,8 +293,14 @@ mod tests {
             poses: None,
             provenance: Vec::new(),
         };
-        let near = |scale| wanted.misfit(wanted.dense_return * 1.009, || Ok(episode(scale))).expect("played");
+        let near = |scale| {
+            let same = wanted.dense_return * 1.009;
+            wanted.misfit(same, same, || Ok(episode(scale))).expect("played")
+        };
         assert!(near(0.2) > near(0.5), "{:?} {:?}", near(0.2), near(0.5));
         assert!(near(0.2) < misfit(&wanted, wanted.dense_return * 1.011));
+        let mishap = |mean| wanted.misfit(wanted.dense_return, mean, || bail!("not played")).expect("it is not played");
+        let (better, far_better) = (mishap(wanted.dense_return * 1.3), mishap(wanted.dense_return * 2.0));
+        assert!(near(0.2) < better && better < far_better, "a better policy's mishap");
     }
 }

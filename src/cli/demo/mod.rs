@@ -19,9 +19,10 @@ pub enum DemoCommand {
     /// Take demonstrations from the policies that runs kept on the way
     ///
     /// For each environment, plays the kept policies' mean actions from a few initial states, and writes one episode as that
-    /// environment's demonstration: of those whose dense return is within 1 % of the paper's the one whose length, rms of
-    /// actions and MMD^2 to doing nothing are the most like those of the authors' demonstration; where there is none, or a
-    /// return is asked for, the one with the nearest return.
+    /// environment's demonstration: of those whose dense return is within 1 % of the paper's, and whose policy's mean return is
+    /// within 20 % of it, the one whose length, rms of actions and MMD^2 to doing nothing are the most like those of the
+    /// authors' demonstration. Where no policy is so, the one whose mean is nearest; where no return is within 1 %, or a
+    /// return is asked for, the nearest return.
     Collect(collect::CollectArguments),
     /// Read a demonstration from elsewhere and write it in this program's format
     ///
