@@ -22,7 +22,7 @@ use nalgebra::DMatrix;
 pub use kernel::{Bandwidth, Kernel};
 pub use mmd::Estimator;
 pub use standardizer::Standardizer;
-pub use verify::{Deviation, Tolerance, verify};
+pub use verify::{At, Deviation, Replay, Tolerance, verify};
 
 use crate::env::{EnvError, EnvId, Pose};
 use motion::Mover;
@@ -104,7 +104,10 @@ impl Demonstration {
             ("qvel", first_pose.map(|pose| pose.qvel.len()), pose.qvel.len()),
         ] {
             if let Some(got) = got.filter(|&got| got != expected) {
-                return Err(misfit(format!("{what} has {got} numbers; {expected} are needed")));
+                let version =
+                    env.observing(got).filter(|_| what == "an observation").and_then(|version| env.differs_in(version));
+                let version = version.map_or_else(String::new, |difference| format!(" ({difference})"));
+                return Err(misfit(format!("{what} has {got} numbers; {expected} are needed{version}")));
             }
         }
         match motion::mover(self, env).map_err(failed)? {
