@@ -103,7 +103,7 @@ fn bad_input_is_one_error_and_writes_nothing() {
     let out = folder.path().join("out.parquet").display().to_string();
     refused(&["verify", "nowhere.parquet", "--env", "Hopper-v2"], &["nowhere.parquet"]);
     refused(&["verify", &hopper, "--env", "Hoper-v2"], &["Hoper-v2", "nearest", "Hopper-v2"]);
-    refused(&["verify", &hopper, "--env", "Walker2d-v2"], &[&hopper, "11 numbers; 17 are needed"]);
+    refused(&["verify", &hopper, "--env", "Walker2d-v2"], &[&hopper, "the file says that it is of Hopper-v2"]);
     refused(&["verify", &hopper, "--env", "Hopper-v2", "--tolerance", "-1"], &["--tolerance"]);
     refused(&["show", "tests/reference/mmd.json"], &["mmd.json", "no Parquet"]);
     let pickle = reference("import_protocol3.pkl");
@@ -131,6 +131,52 @@ fn verify_tells_agreement_from_deviation() {
     let output = mcpo_run(&["verify", &changed, "--env", "HalfCheetah-v2"]).code(4).get_output().clone();
     assert!(text(&output.stdout).contains("DIFFERS"));
     mcpo_run(&["verify", &changed, "--env", "HalfCheetah-v2", "--tolerance", "1e-6"]).code(0);
+}
+
+#[test]
+fn verify_tells_where_it_differs_and_which_version_does_so() {
+    let folder = TempDir::new().expect("a folder");
+    let path = folder.path().join("changed.parquet").display().to_string();
+    let mut demonstration = Demonstration::read(&recorded(EnvId::Hopper)).expect("it was recorded");
+    let lasts: Vec<usize> = demonstration.episodes().map(|steps| steps.end - 1).collect();
+    for last in lasts.into_iter().filter(|&last| demonstration.terminated[last]) {
+        demonstration.rewards.as_mut().expect("rewards")[last] -= 1.0;
+    }
+    demonstration.observations[(3, 30)] += 1e-3; // step 4 of episode 1, which begins in row 26
+    demonstration.write(Path::new(&path)).expect("written");
+    let output = mcpo_run(&["verify", &path, "--env", "Hopper-v2"]).code(4).get_output().clone();
+    let said = text(&output.stdout);
+    for words in ["in episode 1, step 4, number 3 (tolerance", "as a recording of Hopper-v5 does: v5 pays no 1"] {
+        assert!(said.contains(words), "{words}: {said}");
+    }
+}
+
+#[test]
+fn a_run_refuses_the_demonstration_of_another_environment() {
+    let folder = TempDir::new().expect("a folder");
+    let path = folder.path().join("demo.parquet");
+    let matrix = folder.path().join("x.toml");
+    fs::write(
+        &matrix,
+        "name = \"x\"\ndemonstrations = \"demo.parquet\"\nbudget.env_steps = 100_000\n\
+         [[matrix]]\nseed = [0]\nenv = [\"Walker2d-v2\"]\nalgorithm = [\"mcpo\"]\n",
+    )
+    .expect("written");
+    let mut cheetah = Demonstration::read(&recorded(EnvId::HalfCheetah)).expect("it was recorded");
+    for (label, says) in [
+        (Some("HalfCheetah-v2"), "the file says that it is of HalfCheetah-v2"),
+        (Some("halfcheetah-medium-v2"), "the file says that it is of halfcheetah-medium-v2"),
+        (None, "its observations move as those of HalfCheetah-v2 do"),
+        (Some("Walker2d-v2"), "its observations move as those of HalfCheetah-v2 do"),
+    ] {
+        cheetah.provenance = label.map(|label| ("env".to_owned(), label.to_owned())).into_iter().collect();
+        cheetah.write(&path).expect("written");
+        let mut program = Command::new(env!("CARGO_BIN_EXE_mcpo-run"));
+        let output = program.arg(&matrix).arg("--results").arg(folder.path().join("results")).assert().code(2);
+        let complaint = text(&output.get_output().stderr);
+        assert!(complaint.contains("does not fit Walker2d-v2") && complaint.contains(says), "{label:?}: {complaint}");
+    }
+    assert!(!folder.path().join("results").exists());
 }
 
 #[test]

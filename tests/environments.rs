@@ -350,7 +350,7 @@ fn gymnasiums_transitions_are_reproduced() {
     for env in EnvId::ALL {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("tests/parity/{env}.parquet"));
         let recorded = Demonstration::read(&path).expect("a committed file");
-        let deviation = verify(&recorded, &path, env).expect("a recording of this environment");
+        let deviation = verify(&recorded, &path, env).expect("a recording of this environment").deviation;
         // Gymnasium keeps MountainCar's state in f32, and its roundings add up over an episode.
         let tolerance = if env == EnvId::MountainCar { 1e-5 } else { 1e-9 };
         assert!(deviation.observation <= tolerance, "{env}: {deviation:?}");

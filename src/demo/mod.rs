@@ -7,6 +7,7 @@ mod character;
 pub mod import;
 mod kernel;
 pub mod mmd;
+mod motion;
 mod pairs;
 mod parquet;
 mod standardizer;
@@ -23,9 +24,10 @@ pub use character::stack;
 pub use kernel::{Bandwidth, Kernel};
 pub use mmd::Estimator;
 pub use standardizer::Standardizer;
-pub use verify::{Deviation, Tolerance, verify};
+pub use verify::{At, Deviation, Replay, Tolerance, verify};
 
 use crate::env::{EnvError, EnvId, Pose};
+use motion::Mover;
 
 /// Episodes of somebody else's behaviour, step after step.
 #[derive(Debug, Clone, PartialEq)]
@@ -75,11 +77,26 @@ impl Demonstration {
         self.episodes().map(|steps| values[steps].iter().sum()).collect()
     }
 
-    /// Checks that observations, actions and poses have the lengths that `env` needs.
+    /// The environment that the file names as its own, in the words of whoever wrote it.
+    fn label(&self) -> Option<&str> {
+        const KEYS: [&str; 4] = ["env", "environment", "env_name", "env_id"];
+        let label = |key: &&str| self.provenance.iter().find(|(name, _)| name == key);
+        KEYS.iter().find_map(label).map(|(_, label)| label.as_str())
+    }
+
+    /// Checks that observations, actions and poses have the lengths that `env` needs, and that they are not another
+    /// environment's: by the file's word, and by how they move where another one has the same lengths.
     ///
-    /// Errors: they do not (the message names `path`), or the physics engine refuses its model.
+    /// Errors: they do not or are (the message names `path`), or the physics engine refuses a model.
     pub fn check(&self, path: &Path, env: EnvId) -> Result<(), DemoError> {
-        let environment = env.build().map_err(|source| DemoError::Environment { path: path.to_owned(), source })?;
+        let failed = |source| DemoError::Environment { path: path.to_owned(), source };
+        let misfit = |reason| DemoError::Misfit { path: path.to_owned(), env, reason };
+        if let Some(label) = self.label()
+            && EnvId::of_label(label).is_some_and(|(other, _)| other != env)
+        {
+            return Err(misfit(format!("the file says that it is of {}", label.escape_debug())));
+        }
+        let environment = env.build().map_err(failed)?;
         let (spaces, pose) = (environment.spaces(), environment.pose());
         let first_pose = self.poses.as_ref().and_then(|poses| poses.first());
         for (what, got, expected) in [
@@ -89,11 +106,16 @@ impl Demonstration {
             ("qvel", first_pose.map(|pose| pose.qvel.len()), pose.qvel.len()),
         ] {
             if let Some(got) = got.filter(|&got| got != expected) {
-                let reason = format!("{what} has {got} numbers; {expected} are needed");
-                return Err(DemoError::Misfit { path: path.to_owned(), env, reason });
+                let version =
+                    env.observing(got).filter(|_| what == "an observation").and_then(|version| env.differs_in(version));
+                let version = version.map_or_else(String::new, |difference| format!(" ({difference})"));
+                return Err(misfit(format!("{what} has {got} numbers; {expected} are needed{version}")));
             }
         }
-        Ok(())
+        match motion::mover(self, env).map_err(failed)? {
+            Mover::Other(other) => Err(misfit(format!("its observations move as those of {other} do"))),
+            Mover::Own | Mover::Unknown => Ok(()),
+        }
     }
 
     /// Reads the Parquet file `path`, as [`read`](Demonstration::read), and checks that it fits `env`.

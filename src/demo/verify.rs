@@ -20,6 +20,47 @@ pub struct Deviation {
     pub ends: usize,
 }
 
+/// A number of a step.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct At {
+    /// Counted from 0, as in the file's column.
+    pub episode: usize,
+    /// Within the episode, from 0.
+    pub step: usize,
+    /// Within the observation, from 0; 0 of a reward or an end.
+    pub number: usize,
+}
+
+/// A replay beside its recording.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Replay {
+    /// The greatest deviations.
+    pub deviation: Deviation,
+    /// Where an observation deviates most.
+    pub observation_at: At,
+    /// Where a reward deviates most.
+    pub reward_at: At,
+    /// Where an episode first ends otherwise.
+    pub end_at: Option<At>,
+    /// What the rewards that deviate lack, if all of them are those of steps that terminate and lack the same.
+    lacking_at_the_end: Option<f64>,
+}
+
+impl Replay {
+    /// Which version of Gymnasium's environment would deviate as this does, and how it differs.
+    pub fn version(&self, env: EnvId, tolerance: &Tolerance) -> Option<(u32, &'static str)> {
+        let bonus = match env {
+            EnvId::InvertedPendulum | EnvId::Hopper | EnvId::Walker2d | EnvId::Ant => 1.0,
+            EnvId::InvertedDoublePendulum => 10.0,
+            EnvId::HalfCheetah | EnvId::MountainCar => return None,
+        };
+        let unpaid = self.lacking_at_the_end.is_some_and(|lacking| (lacking - bonus).abs() < 1e-6);
+        // A foot's friction shows when it slips, in everything from there on.
+        let slips = env == EnvId::Walker2d && self.deviation.observation > tolerance.observation;
+        if unpaid || slips { Some((5, env.differs_in(5)?)) } else { None }
+    }
+}
+
 /// The deviations that still are agreement.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tolerance {
@@ -48,10 +89,10 @@ impl Tolerance {
     }
 }
 
-/// Replays `demonstration` in `env`, and gives the greatest deviations.
+/// Replays `demonstration` in `env`, and gives the greatest deviations and where they are.
 ///
 /// Errors: shapes do not fit `env` (the message names `path`), no pose was recorded, or the physics diverges.
-pub fn verify(demonstration: &Demonstration, path: &Path, env: EnvId) -> Result<Deviation, DemoError> {
+pub fn verify(demonstration: &Demonstration, path: &Path, env: EnvId) -> Result<Replay, DemoError> {
     demonstration.check(path, env)?;
     let Some(poses) = &demonstration.poses else {
         let reason = "without the columns `qpos` and `qvel` there is no state to replay from".into();
@@ -61,19 +102,31 @@ pub fn verify(demonstration: &Demonstration, path: &Path, env: EnvId) -> Result<
     let mut task = Task::new(env, Reward::Dense, env.max_steps()).map_err(failed)?;
     let mut observation = vec![0.0; task.spaces().observation_dim];
     let mut greatest = Deviation { observation: 0.0, reward: demonstration.rewards.as_ref().map(|_| 0.0), ends: 0 };
-    for steps in demonstration.episodes() {
-        task.set_pose(&poses[steps.start], &mut observation).map_err(failed)?;
+    let (mut observation_at, mut reward_at, mut end_at) = (At::default(), At::default(), None);
+    let mut lacking = Lacking::default();
+    for (episode, steps) in demonstration.episodes().enumerate() {
+        let start = steps.start;
+        task.set_pose(&poses[start], &mut observation).map_err(failed)?;
         for step in steps {
+            let at = |number| At { episode, step: step - start, number };
             if env == EnvId::MountainCar {
                 task.set_pose(&poses[step], &mut observation).map_err(failed)?;
             }
-            for (replayed, recorded) in observation.iter().zip(&demonstration.observations.column(step)) {
-                raise(&mut greatest.observation, replayed - recorded);
+            for (i, (replayed, recorded)) in
+                observation.iter().zip(&demonstration.observations.column(step)).enumerate()
+            {
+                if raise(&mut greatest.observation, replayed - recorded) {
+                    observation_at = at(i);
+                }
             }
             let action = demonstration.actions.column(step);
             let transition = task.step(action.as_slice(), &mut observation).map_err(failed)?;
             if let (Some(greatest), Some(rewards)) = (&mut greatest.reward, &demonstration.rewards) {
-                raise(greatest, transition.dense_reward - rewards[step]);
+                let deviation = transition.dense_reward - rewards[step];
+                if raise(greatest, deviation) {
+                    reward_at = at(0);
+                }
+                lacking.see(deviation, demonstration.terminated[step]);
             }
             let agrees = match transition.end {
                 Some(EpisodeEnd::Terminated) => demonstration.terminated[step],
@@ -82,17 +135,41 @@ pub fn verify(demonstration: &Demonstration, path: &Path, env: EnvId) -> Result<
             };
             if !agrees {
                 greatest.ends += 1;
+                end_at = end_at.or(Some(at(0)));
                 break;
             }
         }
     }
-    Ok(greatest)
+    let lacking_at_the_end = lacking.0.unwrap_or_default();
+    Ok(Replay { deviation: greatest, observation_at, reward_at, end_at, lacking_at_the_end })
 }
 
-/// Raises `greatest` to the magnitude of `deviation`; what is not finite is an infinity.
-fn raise(greatest: &mut f64, deviation: f64) {
+/// What the rewards that deviate lack: nothing was seen, the same at each end that terminates, or anything else.
+#[derive(Default)]
+struct Lacking(Option<Option<f64>>);
+
+impl Lacking {
+    /// Rewards that deviate by less are f32 numbers.
+    const ROUNDING: f64 = 1e-5;
+
+    fn see(&mut self, deviation: f64, terminates: bool) {
+        if deviation.abs() <= Self::ROUNDING {
+            return;
+        }
+        self.0 = Some(match self.0 {
+            None if terminates => Some(deviation),
+            Some(Some(before)) if terminates && (before - deviation).abs() <= Self::ROUNDING => Some(before),
+            _ => None,
+        });
+    }
+}
+
+/// Raises `greatest` to the magnitude of `deviation`, and gives whether it was below; what is not finite is an infinity.
+fn raise(greatest: &mut f64, deviation: f64) -> bool {
     let magnitude = if deviation.is_finite() { deviation.abs() } else { f64::INFINITY };
+    let is_greater = magnitude > *greatest;
     *greatest = greatest.max(magnitude);
+    is_greater
 }
 
 #[cfg(test)]
@@ -142,6 +219,10 @@ mod tests {
     }
 
     fn deviation(demonstration: &Demonstration, env: EnvId) -> Deviation {
+        replay(demonstration, env).deviation
+    }
+
+    fn replay(demonstration: &Demonstration, env: EnvId) -> Replay {
         verify(demonstration, Path::new("d.parquet"), env).expect("it is replayed")
     }
 
@@ -182,6 +263,40 @@ mod tests {
         let mut changed = whole;
         changed.episode_starts = vec![0];
         assert!(deviation(&changed, EnvId::Hopper).ends > 0, "an episode that goes on after its end");
+    }
+
+    #[test]
+    fn the_greatest_deviation_is_found_where_it_is() {
+        let whole = recorded(EnvId::Hopper, 1000);
+        let (second, last) = (whole.episode_starts[1], whole.len() - 1);
+        let mut changed = whole.clone();
+        changed.observations[(3, second + 2)] += 1e-3;
+        changed.rewards.as_mut().expect("rewards")[1] += 0.5;
+        changed.terminated[last] = false;
+        let replay = replay(&changed, EnvId::Hopper);
+        assert_eq!(replay.observation_at, At { episode: 1, step: 2, number: 3 });
+        assert_eq!(replay.reward_at, At { episode: 0, step: 1, number: 0 });
+        assert_eq!(replay.end_at, Some(At { episode: 1, step: last - second, number: 0 }));
+        assert_eq!(replay.version(EnvId::Hopper, &Tolerance::of(&changed, EnvId::Hopper)), None);
+    }
+
+    #[test]
+    fn a_reward_that_version_5_does_not_pay_is_known() {
+        for (env, bonus) in
+            [(EnvId::Hopper, 1.0), (EnvId::InvertedPendulum, 1.0), (EnvId::InvertedDoublePendulum, 10.0)]
+        {
+            let mut theirs = recorded(env, 1000);
+            let ends: Vec<usize> = theirs.episodes().map(|steps| steps.end - 1).collect();
+            let tolerance = Tolerance::of(&theirs, env);
+            for last in ends {
+                assert!(theirs.terminated[last], "{env}: random actions make it fall");
+                theirs.rewards.as_mut().expect("rewards")[last] -= bonus;
+            }
+            let known = replay(&theirs, env).version(env, &tolerance).expect("version 5");
+            assert!(known.0 == 5 && known.1.contains("the step in which"), "{known:?}");
+            theirs.rewards.as_mut().expect("rewards")[0] -= bonus;
+            assert_eq!(replay(&theirs, env).version(env, &tolerance), None, "{env}");
+        }
     }
 
     #[test]

@@ -8,6 +8,7 @@ mod mountain_car;
 mod mujoco;
 mod reward;
 mod task;
+mod versions;
 
 pub use id::EnvId;
 pub use mujoco::{engine_version, model_digest};

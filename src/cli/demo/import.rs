@@ -24,7 +24,7 @@ pub struct ImportArguments {
 /// Imports the file, and prints what it holds and what was lost.
 pub fn run(arguments: &ImportArguments) -> anyhow::Result<ExitCode> {
     let (path, env) = (&arguments.file, arguments.env);
-    let Imported { mut demonstration, losses } = import(path, env)?;
+    let Imported { mut demonstration, losses, warnings } = import(path, env)?;
     let recomputed = demonstration.sums(&recomputed_rewards(&demonstration, path, env)?);
     let recorded = demonstration.returns();
     let earned: f64 = recorded.as_ref().unwrap_or(&recomputed).iter().sum();
@@ -39,6 +39,9 @@ pub fn run(arguments: &ImportArguments) -> anyhow::Result<ExitCode> {
     text += &format!("return, from observations and actions: {}\n", summary(&recomputed));
     for loss in losses {
         text += &format!("lost: {loss}\n");
+    }
+    for warning in warnings {
+        text += &format!("warning: {warning}\n");
     }
     text += &format!("written to {}\n", arguments.out.display());
     print(&text)?;

@@ -1,10 +1,10 @@
 //! Arrays by name, as `.npz` files and Parquet tables of others hold them, put together to a demonstration.
 
-use std::cell::Cell;
+use std::collections::BTreeSet;
 
 use nalgebra::DMatrix;
 
-use super::{Imported, MAX_NUMBERS, infer_ends};
+use super::{Imported, MAX_NUMBERS, NAMES, episodes::Episodes, infer_ends};
 use crate::{
     demo::Demonstration,
     env::{EnvId, Pose},
@@ -24,116 +24,160 @@ impl Array {
         Self { rows: if numbers.is_empty() { 0 } else { rows }, numbers }
     }
 
+    /// How many rows there are.
+    pub(super) fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// Row after row.
+    pub(super) fn numbers(&self) -> &[f64] {
+        &self.numbers
+    }
+
+    /// One column a row.
     fn into_columns(self) -> DMatrix<f64> {
         DMatrix::from_vec(self.numbers.len().checked_div(self.rows).unwrap_or(0), self.rows, self.numbers)
     }
 }
 
-/// The names that others give to what a step holds.
-const OBSERVATIONS: &[&str] = &["observation", "observations", "obs"];
+/// The names that others give to what a step holds; [`Episodes`] knows those that mark episodes.
+const OBSERVATIONS: &[&str] = &["observation", "observations", "obs", "observation.state"];
 const ACTIONS: &[&str] = &["action", "actions", "acts"];
-const REWARDS: &[&str] = &["reward", "rewards", "rews"];
-const TERMINATED: &[&str] = &["terminated", "terminals", "terminal", "terminations", "dones", "done"];
-const TRUNCATED: &[&str] = &["truncated", "timeouts", "truncations"];
-const EPISODES: &[&str] = &["episode", "episodes", "episode_id"];
+const REWARDS: &[&str] = &["reward", "rewards", "rews", "next.reward"];
 const QPOS: &[&str] = &["qpos", "infos/qpos"];
 const QVEL: &[&str] = &["qvel", "infos/qvel"];
-/// Where `imitation` splits its arrays into trajectories.
-const SPLITS: &[&str] = &["indices"];
 
-/// The demonstration of `env` that the arrays are which `named` finds.
-pub(super) fn assemble(env: EnvId, named: impl Fn(&str) -> Result<Option<Array>, String>) -> Result<Imported, String> {
-    let found = Cell::new(0);
-    let first = |names: &[&str]| -> Result<Option<Array>, String> {
-        for name in names {
-            if let Some(array) = named(name)? {
-                found.set(found.get() + array.numbers.len());
-                if found.get() > MAX_NUMBERS {
+/// The most steps of a demonstration.
+const MAX_STEPS: usize = 1 << 21;
+
+/// Gives the array of a name, where there is one.
+type Named<'a> = dyn Fn(&str) -> Result<Option<Array>, String> + 'a;
+
+/// A file's arrays, and which of them were asked for.
+pub(super) struct Arrays<'a> {
+    named: &'a Named<'a>,
+    used: BTreeSet<&'static str>,
+    /// How many numbers were read.
+    read: usize,
+}
+
+impl<'a> Arrays<'a> {
+    pub(super) fn new(named: &'a Named<'a>) -> Self {
+        Self { named, used: BTreeSet::new(), read: 0 }
+    }
+
+    /// The first array that has one of `names`, and its name.
+    pub(super) fn first(&mut self, names: &[&'static str]) -> Result<Option<(&'static str, Array)>, String> {
+        for &name in names {
+            if let Some(array) = (self.named)(name)? {
+                self.read += array.numbers.len();
+                if self.read > MAX_NUMBERS {
                     return Err(format!("it holds more than {MAX_NUMBERS} numbers"));
                 }
-                return Ok(Some(array));
+                self.used.insert(name);
+                return Ok(Some((name, array)));
             }
         }
         Ok(None)
-    };
-    let required = |names: &[&str]| first(names)?.ok_or_else(|| format!("it has none of {}", names.join(", ")));
-    let mut losses = Vec::new();
-    let actions = required(ACTIONS)?;
+    }
+
+    fn required(&mut self, names: &[&'static str]) -> Result<Array, String> {
+        self.first(names)?.map(|(_, array)| array).ok_or_else(|| format!("it has none of {}", names.join(", ")))
+    }
+
+    /// The same for an array that has a number for each of `n` steps.
+    pub(super) fn of_each_step(
+        &mut self,
+        names: &[&'static str],
+        n: usize,
+    ) -> Result<Option<(&'static str, Vec<f64>)>, String> {
+        match self.first(names)? {
+            Some((name, array)) if array.numbers.len() != n => {
+                Err(format!("`{name}` has {} numbers for {n} actions", array.numbers.len()))
+            }
+            found => Ok(found.map(|(name, array)| (name, array.numbers))),
+        }
+    }
+
+    /// Those of `names` that were not asked for.
+    fn unused<'n>(&self, names: impl IntoIterator<Item = &'n str>) -> Vec<&'n str> {
+        // A column `obs_3` belongs to `obs`.
+        let stem = |name: &'n str| name.rsplit_once('_').filter(|(_, place)| place.parse::<usize>().is_ok());
+        let is_used = |name: &str| self.used.contains(name);
+        let all = names.into_iter().filter(|name| !is_used(name) && !stem(name).is_some_and(|(stem, _)| is_used(stem)));
+        all.collect()
+    }
+}
+
+/// The demonstration of `env` in the arrays called `names`, which `named` finds.
+///
+/// Errors: arrays are missing, of unequal lengths, too large, or contradict each other.
+pub(super) fn assemble<'n>(
+    env: EnvId,
+    names: impl IntoIterator<Item = &'n str>,
+    named: &Named<'_>,
+) -> Result<Imported, String> {
+    let mut arrays = Arrays::new(named);
+    let (mut losses, mut warnings) = (Vec::new(), Vec::new());
+    let actions = arrays.required(ACTIONS)?;
     let n = actions.rows;
     if n == 0 {
         return Err("it has no steps".into());
     }
-    let of_each_step = |names: &[&str]| match first(names)? {
-        Some(array) if array.rows != n => Err(format!("`{}` has {} rows for {n} actions", names[0], array.rows)),
-        found => Ok(found.map(|array| array.numbers)),
+    if n > MAX_STEPS {
+        return Err(format!("it has {n} steps; {MAX_STEPS} are the most"));
+    }
+    let mut episodes = Episodes::of(&mut arrays, n, env.max_steps())?;
+    let mut after_last = false;
+    // One row a step; a row more after each episode has no place in the format.
+    let mut of_steps = |what: &str, array: Array| {
+        let (rows, count) = (array.rows, episodes.count());
+        let mut columns = array.into_columns();
+        if rows == n + count && rows != n {
+            after_last = true;
+            let behind: Vec<_> = episodes.last_rows().iter().enumerate().map(|(i, last)| last + i + 1).collect();
+            columns = columns.remove_columns_at(&behind);
+        } else if rows != n {
+            let episodes = if count == 1 { "1 episode".to_owned() } else { format!("{count} episodes") };
+            return Err(format!("`{what}` has {rows} rows for {n} actions in {episodes}"));
+        }
+        Ok(columns)
     };
-    let flags =
-        |names: &[&str]| Ok::<_, String>(first(names)?.map(|array| array.numbers.iter().map(|&x| x != 0.0).collect()));
-    let (mut terminated, mut truncated): (Option<Vec<bool>>, Option<Vec<bool>>) =
-        (flags(TERMINATED)?, flags(TRUNCATED)?);
-
-    // Where episodes start: as the file says, or after each end.
-    let told = match (first(SPLITS)?, of_each_step(EPISODES)?) {
-        (Some(splits), _) => {
-            let starts: Vec<_> = std::iter::once(0).chain(splits.numbers.iter().map(|&at| at as usize)).collect();
-            let orderly = starts.is_sorted_by(|a, b| a < b) && starts.iter().all(|&start| start < n);
-            if !orderly {
-                return Err("its `indices` do not rise within its actions".into());
-            }
-            Some(starts)
-        }
-        (None, Some(episodes)) => {
-            Some((0..n).filter(|&i| i == 0 || episodes[i] != episodes[i - 1]).collect::<Vec<_>>())
-        }
-        (None, None) => None,
-    };
-
-    // `imitation` keeps one flag a trajectory and the observation after its last step.
-    let trajectories = told.as_ref().map_or(1, Vec::len);
-    if let (Some(flags), Some(starts)) = (&mut terminated, &told)
-        && flags.len() == trajectories
-        && trajectories != n
-    {
-        let (mut at_step, mut cut) = (vec![false; n], vec![false; n]);
-        for (i, &flag) in flags.iter().enumerate() {
-            let last = starts.get(i + 1).copied().unwrap_or(n) - 1;
-            (at_step[last], cut[last]) = (flag, !flag);
-        }
-        (*flags, truncated) = (at_step, Some(cut));
-    }
-    for (what, flags) in [("terminated", &terminated), ("truncated", &truncated)] {
-        if let Some(flags) = flags.as_ref().filter(|flags| flags.len() != n) {
-            return Err(format!("`{what}` has {} rows for {n} actions", flags.len()));
-        }
-    }
-    let ends_told = terminated.is_some() || truncated.is_some();
-    let (terminated, truncated) = (terminated.unwrap_or(vec![false; n]), truncated.unwrap_or(vec![false; n]));
-    let episode_starts =
-        told.unwrap_or_else(|| (0..n).filter(|&i| i == 0 || terminated[i - 1] || truncated[i - 1]).collect());
-
-    let mut observations = required(OBSERVATIONS)?.into_columns();
-    if observations.ncols() == n + episode_starts.len() {
-        let after_last: Vec<_> =
-            (1..=episode_starts.len()).map(|i| episode_starts.get(i).copied().unwrap_or(n) + i - 1).collect();
-        observations = observations.remove_columns_at(&after_last);
-        losses.push("the observation after each episode's last step has no place in the format".into());
-    }
-    let rewards = of_each_step(REWARDS)?;
-    if rewards.is_none() {
-        losses.push("rewards are not recorded".into());
-    }
-    let poses = match (first(QPOS)?, first(QVEL)?) {
-        (Some(qpos), Some(qvel)) => {
-            let (qpos, qvel) = (qpos.into_columns(), qvel.into_columns());
+    let mut observations = of_steps("observations", arrays.required(OBSERVATIONS)?)?;
+    let (qpos, qvel) = (arrays.first(QPOS)?, arrays.first(QVEL)?);
+    let mut poses = match (qpos, qvel) {
+        (Some((_, qpos)), Some((_, qvel))) => {
+            let (qpos, qvel) = (of_steps("qpos", qpos)?, of_steps("qvel", qvel)?);
             let pairs = qpos.column_iter().zip(qvel.column_iter());
             Some(pairs.map(|(q, v)| Pose { qpos: q.as_slice().to_vec(), qvel: v.as_slice().to_vec() }).collect())
         }
-        _ => {
-            losses.push("poses are not recorded; the demonstration cannot be verified by replay".into());
-            None
+        (one, other) => {
+            let alone = one.or(other).map_or_else(String::new, |(name, _)| format!(" (`{name}` alone is not enough)"));
+            losses.push(format!("poses are not recorded{alone}; the demonstration cannot be verified by replay"));
+            None::<Vec<Pose>>
         }
     };
-    let actions = actions.into_columns();
+    let mut actions = actions.into_columns();
+    let mut rewards = arrays.of_each_step(REWARDS, n)?.map(|(_, rewards)| rewards);
+    if rewards.is_none() {
+        losses.push("rewards are not recorded".into());
+    }
+    if episodes.last_rows_are_marked && last_rows_are_no_steps(&episodes, &actions, rewards.as_deref()) {
+        let rows = episodes.last_rows();
+        observations = observations.remove_columns_at(&rows);
+        actions = actions.remove_columns_at(&rows);
+        let keep = |row: usize| rows.binary_search(&row).is_err();
+        rewards = rewards.map(|all| (0..n).filter(|&row| keep(row)).map(|row| all[row]).collect());
+        poses =
+            poses.map(|all| all.into_iter().enumerate().filter(|(row, _)| keep(*row)).map(|(_, pose)| pose).collect());
+        episodes.drop_last_rows();
+        after_last = true;
+    }
+    if after_last {
+        losses.push("the observation after each episode's last step has no place in the format".into());
+    }
+    let (are_told, ends_are_told) = (episodes.are_told, episodes.ends_are_told);
+    let Episodes { starts: episode_starts, terminated, truncated, .. } = episodes;
     let mut demonstration = Demonstration {
         observations,
         actions,
@@ -144,10 +188,27 @@ pub(super) fn assemble(env: EnvId, named: impl Fn(&str) -> Result<Option<Array>,
         poses,
         provenance: vec![],
     };
-    if !ends_told {
+    if !ends_are_told {
         infer_ends(&mut demonstration, env, &mut losses);
     }
-    Ok(Imported { demonstration, losses })
+    if !are_told {
+        warnings.push(format!("nothing says where episodes begin; all {n} steps are taken as one"));
+    }
+    let unused = arrays.unused(names);
+    if !unused.is_empty() {
+        let more = if unused.len() > NAMES { " ..." } else { "" };
+        losses.push(format!("not used: {}{more}", unused[..unused.len().min(NAMES)].join(", ")));
+    }
+    Ok(Imported { demonstration, losses, warnings })
+}
+
+/// Whether the last row of each episode is the observation after its last step, as RLDS has it: its action and reward mean
+/// nothing and are 0, unlike others.
+fn last_rows_are_no_steps(episodes: &Episodes, actions: &DMatrix<f64>, rewards: Option<&[f64]>) -> bool {
+    let last = episodes.last_rows();
+    let long = last.iter().zip(&episodes.starts).all(|(last, start)| last > start);
+    let is_zero = |row: usize| actions.column(row).iter().all(|&a| a == 0.0) && rewards.is_none_or(|r| r[row] == 0.0);
+    long && last.iter().all(|&row| is_zero(row)) && actions.iter().any(|&action| action != 0.0)
 }
 
 /// The numbers that `bytes` are when numpy calls their type `name` (`f8`, `b1` ...) and their bytes come lowest first or

@@ -4,6 +4,7 @@
 //! believes none of its sizes. Start at [`import`].
 
 mod arrays;
+mod episodes;
 mod npz;
 mod pickle;
 mod returns;
@@ -16,12 +17,16 @@ pub use returns::recomputed_rewards;
 
 use super::{
     DemoError, Demonstration,
+    motion::{self, Mover},
     parquet::{MAX_NUMBERS, read_bounded},
 };
 use crate::env::EnvId;
 
 /// The most bytes that a compressed file may unfold to.
 const MAX_UNFOLDED: usize = 1 << 28;
+
+/// How many names of a list that nobody bounded are told.
+const NAMES: usize = 10;
 
 /// A demonstration from elsewhere.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,6 +35,8 @@ pub struct Imported {
     pub demonstration: Demonstration,
     /// What the file did not hold, or what could not be recovered, each in a sentence.
     pub losses: Vec<String>,
+    /// What may make it another demonstration than was meant, each in a sentence.
+    pub warnings: Vec<String>,
 }
 
 /// Reads `path`, whose kind its first bytes tell, as a demonstration of `env`:
@@ -37,33 +44,72 @@ pub struct Imported {
 /// - a pickle of the authors' code, compressed by bzip2 or not: one or several trajectories of filtered states and raw
 ///   actions, with the filter's state;
 /// - Parquet, in this crate's format or with columns or lists named `observations`, `obs`, `actions`, `acts`, `rewards`,
-///   `terminals`, `timeouts` and the like;
-/// - `.npz`, with arrays of those names, as the `imitation` library and D4RL dumps have them.
+///   `terminals`, `timeouts`, `episode_index`, `is_first` and the like;
+/// - `.npz`, with arrays of those names, as Stable Baselines, the `imitation` library and D4RL dumps have them.
 ///
-/// Errors: the file is none of these, damaged, or of another environment.
+/// Errors: the file is none of these, damaged, or of another environment; arrays do not fit each other; an episode is longer
+/// than `env` allows.
 pub fn import(path: &Path, env: EnvId) -> Result<Imported, DemoError> {
     let unreadable = |reason: String| DemoError::Unreadable { path: path.to_owned(), reason };
     let file = read_bounded(path).map_err(unreadable)?;
-    let (mut imported, made_for) = from_bytes(file, env).map_err(unreadable)?;
-    if let Some(other) = made_for.filter(|&other| other != env) {
-        let reason = format!("the file says that it is of {other}");
-        return Err(DemoError::Misfit { path: path.to_owned(), env, reason });
-    }
+    let mut imported = from_bytes(file, env).map_err(unreadable)?;
     if let Some(flaw) = imported.demonstration.flaw() {
         return Err(unreadable(flaw));
     }
-    imported.demonstration.check(path, env)?;
-    let provenance = &mut imported.demonstration.provenance;
+    let Imported { demonstration, losses, warnings } = &mut imported;
+    demonstration.check(path, env)?;
+    if let Some(reason) = too_long(demonstration, env) {
+        return Err(DemoError::Misfit { path: path.to_owned(), env, reason });
+    }
+    warnings.extend(demonstration.label().and_then(|label| of_another_version(label, env)));
+    let failed = |source| DemoError::Environment { path: path.to_owned(), source };
+    if motion::mover(demonstration, env).map_err(failed)? == Mover::Unknown {
+        warnings.push(format!(
+            "its observations do not move as those of {env} do: they may be scaled, or of another robot"
+        ));
+    } else {
+        warnings.extend(jump(&motion::jumps(demonstration, env).map_err(failed)?));
+    }
+    let provenance = &mut demonstration.provenance;
     provenance.retain(|(key, _)| key != "env");
     provenance.insert(0, ("env".into(), env.name().into()));
     let name = path.file_name().map(|name| name.to_string_lossy().into_owned());
     provenance.push(("imported_from".into(), name.unwrap_or_default()));
-    provenance.extend(imported.losses.iter().enumerate().map(|(i, loss)| (format!("loss_{}", i + 1), loss.clone())));
+    provenance.extend(losses.iter().enumerate().map(|(i, loss)| (format!("loss_{}", i + 1), loss.clone())));
+    provenance.extend(warnings.iter().enumerate().map(|(i, warning)| (format!("warning_{}", i + 1), warning.clone())));
     Ok(imported)
 }
 
-/// What the bytes hold, and which environment they say it is of.
-fn from_bytes(file: Vec<u8>, env: EnvId) -> Result<(Imported, Option<EnvId>), String> {
+/// What to say of a file whose `label` is not quite that of `env`.
+fn of_another_version(label: &str, env: EnvId) -> Option<String> {
+    let Some((_, version)) = EnvId::of_label(label) else {
+        return Some(format!("the file says that it is of `{}`, which is not known", label.escape_debug()));
+    };
+    let difference = env.differs_in(version?)?;
+    Some(format!("the file says that it is of `{}`: {difference}", label.escape_debug()))
+}
+
+/// What to say of an episode that is longer than `env` allows.
+fn too_long(demonstration: &Demonstration, env: EnvId) -> Option<String> {
+    let (limit, mut lengths) = (env.max_steps(), demonstration.episodes().map(|steps| steps.len()));
+    let (episode, length) = lengths.by_ref().enumerate().find(|(_, length)| *length as u64 > limit)?;
+    Some(format!(
+        "episode {episode} has {length} steps, and {limit} are the most; the file does not say where its episodes end, or in words that are not known"
+    ))
+}
+
+/// What to say of observations that jump after these steps.
+fn jump(steps: &[usize]) -> Option<String> {
+    let (first, places) = (steps.first()?, steps.len());
+    let more = if places > 1 { format!(" and in {} other places", places - 1) } else { String::new() };
+    Some(format!(
+        "between rows {first} and {}{more} the observation jumps as no physics does: episodes may be joined there",
+        first + 1
+    ))
+}
+
+/// What the bytes hold.
+fn from_bytes(file: Vec<u8>, env: EnvId) -> Result<Imported, String> {
     if file.starts_with(b"BZh") {
         let unfolded = unfold(bzip2::read::MultiBzDecoder::new(file.as_slice()))
             .map_err(|reason| format!("it is damaged where it was compressed by bzip2: {reason}"))?;
@@ -71,9 +117,9 @@ fn from_bytes(file: Vec<u8>, env: EnvId) -> Result<(Imported, Option<EnvId>), St
     } else if file.starts_with(b"\x80") {
         rlframe::read(&file, env)
     } else if file.starts_with(b"PAR1") {
-        table::read(file, env).map(|imported| (imported, None))
+        table::read(file, env)
     } else if file.starts_with(b"PK") {
-        npz::read(&file, env).map(|imported| (imported, None))
+        npz::read(&file, env)
     } else {
         Err("it is none of a pickle (compressed by bzip2 or not), Parquet and .npz".into())
     }

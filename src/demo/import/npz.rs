@@ -13,14 +13,14 @@ use crate::env::EnvId;
 /// The demonstration of `env` in the archive `file`.
 pub(super) fn read(file: &[u8], env: EnvId) -> Result<Imported, String> {
     let members = directory(file)?;
-    let imported = assemble(env, |name| {
+    let names: Vec<&str> = members.iter().map(|(name, _)| name.trim_end_matches(".npy")).collect();
+    let imported = assemble(env, names.iter().copied(), &|name| {
         let Some((_, member)) = members.iter().find(|(found, _)| found.strip_suffix(".npy") == Some(name)) else {
             return Ok(None);
         };
         let array = unfolded(file, *member).and_then(|bytes| array(&bytes));
         array.map(Some).map_err(|reason| format!("its array `{name}` {reason}"))
     });
-    let names: Vec<&str> = members.iter().map(|(name, _)| name.trim_end_matches(".npy")).collect();
     imported.map_err(|reason| format!("{reason} (the archive holds {})", names.join(", ")))
 }
 

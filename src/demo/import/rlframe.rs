@@ -9,18 +9,15 @@ use std::collections::BTreeSet;
 use nalgebra::{DMatrix, DVector};
 
 use super::{
-    Imported, MAX_NUMBERS, infer_ends,
+    Imported, MAX_NUMBERS, NAMES, infer_ends,
     pickle::{Object, Pickle},
 };
 use crate::{demo::Demonstration, env::EnvId};
 
 /// Where the demonstrator's filter clipped.
 const CLIP: f64 = 5.0;
-/// How many of the entries that are not read are named.
-const NAMES: usize = 10;
-
-/// What `bytes`, a pickle, hold; and which environment they say it is of.
-pub(super) fn read(bytes: &[u8], env: EnvId) -> Result<(Imported, Option<EnvId>), String> {
+/// What `bytes`, a pickle, hold.
+pub(super) fn read(bytes: &[u8], env: EnvId) -> Result<Imported, String> {
     let pickle = Pickle::read(bytes)?;
     let root = pickle.root();
     let Some(Object::List(episodes)) = pickle.entry(root, "trajectory") else {
@@ -98,8 +95,7 @@ pub(super) fn read(bytes: &[u8], env: EnvId) -> Result<(Imported, Option<EnvId>)
     };
     infer_ends(&mut demonstration, env, &mut losses);
     losses.push("rewards and poses are not recorded".into());
-    let made_for = text("env name").and_then(|name| name.parse().ok());
-    Ok((Imported { demonstration, losses }, made_for))
+    Ok(Imported { demonstration, losses, warnings: Vec::new() })
 }
 
 /// Turns filtered states back into raw ones: `x = s std + mean`, `std = sqrt(errsum / (n - 1))`.

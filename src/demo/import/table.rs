@@ -12,7 +12,7 @@ use crate::{
 /// The demonstration of `env` in the Parquet `file`.
 pub(super) fn read(file: Vec<u8>, env: EnvId) -> Result<Imported, String> {
     let table = Table::new(file)?;
-    let mut imported = assemble(env, |name| array(&table, name))?;
+    let mut imported = assemble(env, table.columns(), &|name| array(&table, name))?;
     imported.demonstration.provenance = table.notes();
     Ok(imported)
 }

@@ -217,7 +217,7 @@ fn damaged_files_never_panic() {
                 let place = rng.random_range(0..bytes.len());
                 bytes[place] = if rng.random() { rng.random() } else { bytes[place] ^ 1 << rng.random_range(0..8) };
             }
-            if let Ok((imported, _)) = from_bytes(bytes, EnvId::InvertedPendulum) {
+            if let Ok(imported) = from_bytes(bytes, EnvId::InvertedPendulum) {
                 // What is left of it is a demonstration, or is known to be none.
                 let _ = imported.demonstration.flaw();
             }
@@ -237,7 +237,7 @@ fn another_environment_is_refused() {
 #[test]
 fn every_format_gives_the_same_demonstration() {
     for name in FILES {
-        let Imported { demonstration, losses } = imported(name);
+        let Imported { demonstration, losses, .. } = imported(name);
         let mut expected = DMatrix::from_fn(4, 5, |i, j| j as f64 + 0.25 * i as f64);
         if name.ends_with(".pkl") {
             expected[(3, 4)] = 11.0; // 5 deviations of 2 from the mean of 1
@@ -268,9 +268,9 @@ fn this_crates_own_format_comes_through_whole() {
     own.poses = Some(vec![pose; 5]);
     own.provenance = vec![];
     own.write(&path).expect("written");
-    let Imported { mut demonstration, losses } = import(&path, EnvId::InvertedPendulum).expect("read");
+    let Imported { mut demonstration, losses, warnings } = import(&path, EnvId::InvertedPendulum).expect("read");
     demonstration.provenance.clear();
-    assert_eq!((demonstration, losses), (own, vec![]));
+    assert_eq!((demonstration, losses, warnings), (own, vec![], vec![]));
 }
 
 #[test]
@@ -329,4 +329,264 @@ fn recomputed_rewards_are_near_the_physics_own() {
         let recomputed: f64 = rewards.iter().sum();
         assert!((recomputed - earned).abs() < 0.25 * 8.0f64.min(1.0 + earned.abs()), "{env}: {recomputed}, {earned}");
     }
+}
+
+/// An archive of arrays of f64, each a name, a shape and its numbers.
+fn arrays(members: &[(&str, &[usize], Vec<f64>)]) -> Vec<u8> {
+    let files: Vec<(String, Vec<u8>)> = members
+        .iter()
+        .map(|(name, shape, numbers)| {
+            let lengths: String = shape.iter().map(|length| format!("{length}, ")).collect();
+            let bytes: Vec<u8> = numbers.iter().flat_map(|number| number.to_le_bytes()).collect();
+            (format!("{name}.npy"), npy("'<f8'", false, &format!("({lengths})"), &bytes))
+        })
+        .collect();
+    archive(&files.iter().map(|(name, bytes)| (name.as_str(), bytes.as_slice())).collect::<Vec<_>>())
+}
+
+fn import_bytes(bytes: &[u8], env: EnvId) -> Result<Imported, DemoError> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("theirs.npz");
+    fs::write(&path, bytes).expect("written");
+    import(&path, env)
+}
+
+/// 1 where a step is in `rows`, of six.
+fn marks(rows: &[usize]) -> Vec<f64> {
+    (0..6).map(|row| f64::from(u8::from(rows.contains(&row)))).collect()
+}
+
+/// Six steps of InvertedPendulum with `more` arrays.
+fn six_steps(more: &[(&str, Vec<f64>)]) -> Result<Imported, DemoError> {
+    let observations = (0..24).map(f64::from).collect();
+    let mut members: Vec<(&str, &[usize], Vec<f64>)> =
+        vec![("obs", &[6, 4], observations), ("actions", &[6], vec![0.5; 6])];
+    let lengths: Vec<[usize; 1]> = more.iter().map(|(_, numbers)| [numbers.len()]).collect();
+    members.extend(more.iter().zip(&lengths).map(|((name, numbers), length)| (*name, &length[..], numbers.clone())));
+    import_bytes(&arrays(&members), EnvId::InvertedPendulum)
+}
+
+#[test]
+fn episodes_are_found_by_every_name_that_marks_them() {
+    for (name, numbers) in [
+        ("episode_starts", marks(&[0, 2, 5])),
+        ("is_first", marks(&[0, 2, 5])),
+        ("is_last", marks(&[1, 4, 5])),
+        ("episode_index", vec![7.0, 7.0, 3.0, 3.0, 3.0, 9.0]),
+        ("frame_index", vec![0.0, 1.0, 0.0, 1.0, 2.0, 0.0]),
+        ("step", vec![1.0, 2.0, 1.0, 2.0, 3.0, 1.0]),
+        ("dones", marks(&[1, 4, 5])),
+        ("terminals", marks(&[1, 4])),
+        ("timeouts", marks(&[1, 4, 5])),
+        ("indices", vec![2.0, 5.0]),
+    ] {
+        let imported = six_steps(&[(name, numbers)]).expect(name);
+        assert_eq!(imported.demonstration.episode_starts, [0, 2, 5], "{name}");
+        assert_eq!(imported.warnings, Vec::<String>::new(), "{name}");
+    }
+    let imported = six_steps(&[("infos", vec![0.0; 6]), ("obs_mean", vec![0.0])]).expect("nothing is told");
+    assert_eq!(imported.demonstration.episode_starts, [0]);
+    assert_eq!(imported.warnings, ["nothing says where episodes begin; all 6 steps are taken as one"]);
+    assert!(imported.losses.contains(&"not used: infos, obs_mean".to_owned()), "{:?}", imported.losses);
+}
+
+#[test]
+fn what_two_arrays_say_of_episodes_must_agree() {
+    let refused = |more: &[(&str, Vec<f64>)], says: &str| {
+        let message = six_steps(more).expect_err(says).to_string();
+        assert!(message.contains(says), "{message}");
+    };
+    let starts = || ("episode_starts", marks(&[0, 2]));
+    let agreeing =
+        six_steps(&[starts(), ("episode_index", vec![0.0, 0.0, 1.0, 1.0, 1.0, 1.0]), ("dones", marks(&[1]))]);
+    assert_eq!(
+        agreeing.expect("both say the same").demonstration.terminated,
+        [false, true, false, false, false, true]
+    );
+    refused(
+        &[starts(), ("episode_index", vec![0.0, 0.0, 0.0, 1.0, 1.0, 1.0])],
+        "`episode_starts` begins an episode in row 2, where `episode_index` does not",
+    );
+    refused(&[starts(), ("dones", marks(&[3]))], "row 3 ends its episode, but row 4 goes on");
+    refused(
+        &[starts(), ("episode_returns", vec![1.0; 3])],
+        "`episode_returns` tells of 3 episodes, but its arrays hold 2",
+    );
+    refused(&[("step", vec![0.0, 1.0, 3.0, 4.0, 5.0, 6.0])], "`step` is 3 in row 2; expected 2, or 0 again");
+    refused(&[("step", vec![0.0, 2.0, 1.0, 3.0, 4.0, 5.0])], "`step` is 2 in row 1; expected 1");
+    refused(&[("episode", vec![0.0, 0.0, 1.0, 1.0, 0.0, 0.0])], "`episode` 0 comes again in row 4");
+    refused(&[("indices", vec![2.5])], "`indices` do not rise");
+    refused(&[("indices", vec![f64::NAN])], "`indices` do not rise");
+    refused(&[("episode_starts", vec![1.0; 5])], "`episode_starts` has 5 numbers for 6 actions");
+}
+
+#[test]
+fn the_row_behind_an_episodes_last_step_is_no_step() {
+    // As RLDS has it: two episodes of two and one steps, their last rows without an action.
+    let row = |a: f64| vec![a, 0.5, 0.0, 0.5, 0.0, 0.0];
+    let observations: Vec<f64> = (0..24).map(f64::from).collect();
+    let rlds = |actions: Vec<f64>| {
+        let members: [(&str, &[usize], Vec<f64>); 6] = [
+            ("observation", &[6, 4], observations.clone()),
+            ("action", &[6, 1], actions),
+            ("reward", &[6], vec![1.0, 1.0, 0.0, 1.0, 0.0, 0.0]),
+            ("is_first", &[6], marks(&[0, 3, 5])),
+            ("is_last", &[6], marks(&[2, 4, 5])),
+            ("is_terminal", &[6], marks(&[2])),
+        ];
+        import_bytes(&arrays(&members), EnvId::InvertedPendulum)
+    };
+    // An episode of one row has no step to be its last.
+    assert_eq!(rlds(row(0.25)).expect("read").demonstration.len(), 6);
+    let members: [(&str, &[usize], Vec<f64>); 5] = [
+        ("observation", &[6, 4], observations.clone()),
+        ("action", &[6, 1], vec![0.25, 0.5, 0.0, 0.5, 0.75, 0.0]),
+        ("reward", &[6], vec![1.0, 2.0, 0.0, 3.0, 4.0, 0.0]),
+        ("is_last", &[6], marks(&[2, 5])),
+        ("is_terminal", &[6], marks(&[2])),
+    ];
+    let Imported { demonstration, losses, .. } =
+        import_bytes(&arrays(&members), EnvId::InvertedPendulum).expect("as RLDS has it");
+    assert_eq!(demonstration.actions.as_slice(), [0.25, 0.5, 0.5, 0.75]);
+    assert_eq!(demonstration.observations.row(0).iter().copied().collect::<Vec<_>>(), [0.0, 4.0, 12.0, 16.0]);
+    assert_eq!(demonstration.returns(), Some(vec![3.0, 7.0]));
+    assert_eq!((demonstration.terminated, demonstration.episode_starts), (vec![false, true, false, false], vec![0, 2]));
+    assert!(losses.iter().any(|loss| loss.contains("after each episode's last step")), "{losses:?}");
+}
+
+#[test]
+fn an_end_that_may_be_a_limit_is_one_after_as_many_steps() {
+    let n = 1003;
+    let done = (0..n).map(|row| f64::from(u8::from(row == 999 || row == 1002))).collect();
+    let members: [(&str, &[usize], Vec<f64>); 3] =
+        [("obs", &[n, 4], vec![0.0; 4 * n]), ("acts", &[n], vec![0.0; n]), ("dones", &[n], done)];
+    let Imported { demonstration, losses, .. } =
+        import_bytes(&arrays(&members), EnvId::InvertedPendulum).expect("it is read");
+    assert_eq!(demonstration.episode_starts, [0, 1000]);
+    assert!(demonstration.truncated[999] && !demonstration.terminated[999]);
+    assert!(demonstration.terminated[1002] && !demonstration.truncated[1002]);
+    assert!(losses.iter().any(|loss| loss.contains("how episodes ended")), "{losses:?}");
+}
+
+#[test]
+fn an_episode_longer_than_any_is_refused() {
+    for (env, n, width) in [(EnvId::Hopper, 1001, 11), (EnvId::MountainCar, 1000, 2)] {
+        let actions = if env == EnvId::Hopper { 3 } else { 1 };
+        let members: [(&str, &[usize], Vec<f64>); 2] =
+            [("observations", &[n, width], vec![0.1; n * width]), ("actions", &[n, actions], vec![0.0; n * actions])];
+        let message = import_bytes(&arrays(&members), env).expect_err("too long").to_string();
+        assert!(message.contains(&format!("episode 0 has {n} steps, and {} are the most", n - 1)), "{message}");
+    }
+}
+
+/// A recording of Gymnasium's as another program would pool it: arrays without a mark, in an episode at most the limit.
+fn pooled(env: EnvId, columns: std::ops::Range<usize>) -> Vec<u8> {
+    let path = PathBuf::from(format!("tests/parity/{env}.parquet"));
+    let recorded = Demonstration::read(&path).expect("it was recorded");
+    let part = |matrix: &DMatrix<f64>| matrix.columns_range(columns.clone()).iter().copied().collect::<Vec<f64>>();
+    let n = columns.len();
+    arrays(&[
+        ("observations", &[n, recorded.observations.nrows()], part(&recorded.observations)),
+        ("actions", &[n, recorded.actions.nrows()], part(&recorded.actions)),
+    ])
+}
+
+#[test]
+fn pooled_episodes_are_told_by_their_jump() {
+    let warnings = import_bytes(&pooled(EnvId::Hopper, 0..50), EnvId::Hopper).expect("it is read").warnings;
+    assert!(
+        warnings.iter().any(|warning| warning.contains("between rows 25 and 26 the observation jumps")),
+        "{warnings:?}"
+    );
+    let warnings = import_bytes(&pooled(EnvId::Hopper, 58..240), EnvId::Hopper).expect("it is read").warnings;
+    assert!(!warnings.iter().any(|warning| warning.contains("jumps")), "{warnings:?}");
+}
+
+#[test]
+fn another_robot_of_the_same_shape_is_refused_by_its_motion() {
+    let cheetah = pooled(EnvId::HalfCheetah, 0..300);
+    let message = import_bytes(&cheetah, EnvId::Walker2d).expect_err("a cheetah").to_string();
+    assert!(
+        message.contains("does not fit Walker2d-v2: its observations move as those of HalfCheetah-v2 do"),
+        "{message}"
+    );
+    assert_eq!(import_bytes(&cheetah, EnvId::HalfCheetah).expect("its own").warnings.len(), 1); // no marks of episodes
+}
+
+#[test]
+fn a_label_of_another_environment_or_version_is_told() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("own.parquet");
+    let mut own = imported("import_d4rl.npz").demonstration;
+    let mut with = |label: &str| {
+        own.provenance = vec![("env".into(), label.into())];
+        own.write(&path).expect("written");
+        import(&path, EnvId::InvertedPendulum)
+    };
+    for label in ["Hopper-v2", "walker2d-expert-v2", "InvertedDoublePendulum-v4"] {
+        let message = with(label).expect_err(label).to_string();
+        assert!(message.contains(&format!("the file says that it is of {label}")), "{message}");
+    }
+    assert_eq!(with("InvertedPendulum-v4").expect("the same numbers").warnings, Vec::<String>::new());
+    let warnings = with("InvertedPendulum-v5").expect("nearly the same").warnings;
+    assert!(warnings[0].contains("v5 pays 0 instead of 1"), "{warnings:?}");
+    let warnings = with("Swimmer-v2").expect("a label alone").warnings;
+    assert!(warnings[0].contains("`Swimmer-v2`, which is not known"), "{warnings:?}");
+}
+
+#[test]
+fn lengths_ranks_and_types_that_do_not_fit_never_panic() {
+    let shapes: [&[usize]; 13] =
+        [&[], &[0], &[1], &[4], &[5], &[6], &[7], &[5, 0], &[5, 1], &[6, 1], &[5, 4], &[7, 4], &[5, 1, 4]];
+    let types = [("<f8", 8), ("<f4", 4), ("|b1", 1), ("<i8", 8), ("<u2", 2)];
+    let optional = [
+        "rewards",
+        "terminals",
+        "timeouts",
+        "dones",
+        "is_last",
+        "episode_starts",
+        "episode",
+        "step",
+        "indices",
+        "qpos",
+    ];
+    let mut read = 0;
+    let member = |name: &str, shape: &[usize], (dtype, width): (&str, usize), fill: u8| {
+        let lengths: String = shape.iter().map(|length| format!("{length}, ")).collect();
+        let bytes = vec![fill; shape.iter().product::<usize>() * width];
+        (format!("{name}.npy"), npy(&format!("'{dtype}'"), false, &format!("({lengths})"), &bytes))
+    };
+    let mut attempt = |members: &[(String, Vec<u8>)]| {
+        let members: Vec<(&str, &[u8])> =
+            members.iter().map(|(name, bytes)| (name.as_str(), bytes.as_slice())).collect();
+        if let Ok(imported) = from_bytes(archive(&members), EnvId::InvertedPendulum) {
+            read += usize::from(imported.demonstration.flaw().is_none());
+        }
+    };
+    for observations in shapes {
+        for actions in shapes {
+            for kind in types {
+                attempt(&[member("obs", observations, kind, 0), member("acts", actions, kind, 0)]);
+            }
+        }
+    }
+    for name in optional {
+        for shape in shapes {
+            for kind in types {
+                for observations in [[5, 4], [6, 4], [7, 4]] {
+                    for fill in [0, 1, 0xff] {
+                        let whole = ("<f8", 8);
+                        attempt(&[
+                            member("obs", &observations, whole, 0),
+                            member("acts", &[5, 1], whole, 0),
+                            member(name, shape, kind, fill),
+                            member("qvel", shape, kind, fill),
+                        ]);
+                    }
+                }
+            }
+        }
+    }
+    assert!(read > 100, "{read}");
 }

@@ -39,6 +39,13 @@ impl Table {
         self.footer.notes.iter().filter(|(key, _)| !WRITERS_KEYS.contains(&key.as_str())).cloned().collect()
     }
 
+    /// The names of the columns, in order.
+    pub(in crate::demo) fn columns(&self) -> Vec<&str> {
+        let mut names: Vec<&str> = self.footer.leaves.iter().map(|leaf| leaf.column.as_str()).collect();
+        names.dedup();
+        names
+    }
+
     /// Whether there is a column `name`.
     pub(in crate::demo) fn has(&self, name: &str) -> bool {
         self.footer.leaves.iter().any(|leaf| leaf.column == name)
@@ -96,9 +103,7 @@ impl Table {
     fn column(&self, name: &str, lists: u32, expected: &str) -> Result<(Values, Vec<usize>), String> {
         let mut leaves = self.footer.leaves.iter().enumerate().filter(|(_, leaf)| leaf.column == name);
         let Some((place, leaf)) = leaves.next() else {
-            let mut names: Vec<&str> = self.footer.leaves.iter().map(|leaf| leaf.column.as_str()).collect();
-            names.dedup();
-            return Err(format!("it has no column `{name}`; it has {}", names.join(", ")));
+            return Err(format!("it has no column `{name}`; it has {}", self.columns().join(", ")));
         };
         if !leaf.plain || leaves.next().is_some() {
             return Err(wrong_type(name, "structures or nested lists", expected));

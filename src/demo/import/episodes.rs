@@ -1,0 +1,224 @@
+//! Where the episodes of another program's file begin and end, from everything that the file says of it.
+//!
+//! Each array that marks episodes is an account of them. Accounts that contradict each other, or what the arrays hold, are
+//! refused: episodes that are joined in silence have a return that is a sum.
+
+use std::collections::HashSet;
+
+use super::arrays::Arrays;
+
+/// The names of arrays that mark episodes. The number of the episode, at each step.
+const NUMBERS: &[&str] = &["episode", "episodes", "episode_id", "episode_ids", "episode_index"];
+/// The place in the episode, at each step.
+const STEPS: &[&str] = &["step", "steps", "step_id", "frame_index", "timestep"];
+/// Whether an episode begins with the step (`episode_starts` is Stable Baselines', `is_first` RLDS's).
+const FIRST: &[&str] = &["episode_starts", "episode_start", "is_first"];
+/// Whether it is the episode's last row.
+const LAST: &[&str] = &["is_last"];
+/// Where `imitation` splits its arrays into trajectories.
+const SPLITS: &[&str] = &["indices"];
+/// Whether the task ended the episode.
+const TERMINATED: &[&str] = &["terminated", "terminals", "terminal", "terminations", "is_terminal"];
+/// Whether a limit cut it.
+const TRUNCATED: &[&str] = &["truncated", "timeouts", "truncations"];
+/// Whether it ended, of itself or by the limit.
+const DONE: &[&str] = &["dones", "done", "next.done"];
+/// Each episode's return, which `record_expert` of Stable Baselines writes.
+const RETURNS: &[&str] = &["episode_returns"];
+
+/// The episodes of a file.
+pub(super) struct Episodes {
+    /// The first row of each.
+    pub(super) starts: Vec<usize>,
+    /// `[n]`
+    pub(super) terminated: Vec<bool>,
+    /// `[n]`
+    pub(super) truncated: Vec<bool>,
+    /// Whether the file says which of both ended each.
+    pub(super) ends_are_told: bool,
+    /// Whether the file says where episodes begin or end.
+    pub(super) are_told: bool,
+    /// Whether rows were marked as the last of their episode.
+    pub(super) last_rows_are_marked: bool,
+}
+
+impl Episodes {
+    /// What `arrays`, of `n` steps, tell of episodes; one of at least `limit` steps was cut, where only its end is told.
+    ///
+    /// Errors: an array is no account of `n` steps, or two contradict each other.
+    pub(super) fn of(arrays: &mut Arrays<'_>, n: usize, limit: u64) -> Result<Self, String> {
+        let mut accounts = Accounts { n, found: Vec::new() };
+        if let Some((name, splits)) = arrays.first(SPLITS)? {
+            let starts = std::iter::once(0.0).chain(splits.numbers().iter().copied());
+            accounts.add(name, rising(name, starts, n)?)?;
+        }
+        if let Some((name, numbers)) = arrays.of_each_step(NUMBERS, n)? {
+            accounts.add(name, changes(name, &numbers)?)?;
+        }
+        if let Some((name, steps)) = arrays.of_each_step(STEPS, n)? {
+            accounts.add(name, restarts(name, &steps)?)?;
+        }
+        if let Some((name, first)) = arrays.of_each_step(FIRST, n)? {
+            accounts.add(name, (0..n).filter(|&row| row == 0 || first[row] != 0.0).collect())?;
+        }
+        let last = arrays.of_each_step(LAST, n)?;
+        if let Some((name, last)) = &last {
+            accounts.add(name, after_each(n, |row| last[row] != 0.0))?;
+        }
+        let told = accounts.found.first().map(|(_, starts)| starts.clone());
+
+        let mut terminated = flags(arrays.first(TERMINATED)?);
+        let mut truncated = flags(arrays.first(TRUNCATED)?);
+        if let (Some((_, flags)), Some(starts)) = (&mut terminated, &told)
+            && flags.len() == starts.len()
+            && starts.len() != n
+        {
+            // `imitation` keeps one flag a trajectory.
+            let (mut at_step, mut cut) = (vec![false; n], vec![false; n]);
+            for (i, &flag) in flags.iter().enumerate() {
+                let last = starts.get(i + 1).copied().unwrap_or(n) - 1;
+                (at_step[last], cut[last]) = (flag, !flag);
+            }
+            (*flags, truncated) = (at_step, Some(("the same", cut)));
+        }
+        let done = flags(arrays.first(DONE)?);
+        for (name, flags) in [&terminated, &truncated, &done].into_iter().flatten() {
+            if flags.len() != n {
+                return Err(format!("`{name}` has {} rows for {n} actions", flags.len()));
+            }
+        }
+        let starts_told = told.is_some();
+        let ends_told = terminated.is_some() || truncated.is_some();
+        let is_set =
+            |flags: &Option<(&str, Vec<bool>)>, row: usize| flags.as_ref().is_some_and(|(_, flags)| flags[row]);
+        let ends = |row| is_set(&terminated, row) || is_set(&truncated, row) || is_set(&done, row);
+        let starts = told.unwrap_or_else(|| after_each(n, ends));
+        let mut episodes = Self {
+            are_told: starts_told || ends_told || done.is_some(),
+            ends_are_told: ends_told,
+            last_rows_are_marked: last.is_some(),
+            terminated: (0..n).map(|row| is_set(&terminated, row)).collect(),
+            truncated: (0..n).map(|row| is_set(&truncated, row)).collect(),
+            starts,
+        };
+        if let Some((_, done)) = &done {
+            episodes.finish(done, limit, terminated.is_some());
+        }
+        if let Some((name, returns)) = arrays.first(RETURNS)?
+            && returns.rows() != episodes.starts.len()
+        {
+            let (told, found) = (returns.rows(), episodes.starts.len());
+            return Err(format!("`{name}` tells of {told} episodes, but its arrays hold {found}"));
+        }
+        Ok(episodes)
+    }
+
+    /// Where a step is `done` and nothing says why: cut after `limit` steps, else terminated; only cut where the file has
+    /// marks for what terminated.
+    fn finish(&mut self, done: &[bool], limit: u64, terminations_are_told: bool) {
+        let mut start = 0;
+        for (row, _) in done.iter().enumerate().filter(|(_, done)| **done) {
+            if !self.terminated[row] && !self.truncated[row] {
+                let cut = terminations_are_told || (row + 1 - start) as u64 >= limit;
+                (self.terminated[row], self.truncated[row]) = (!cut, cut);
+            }
+            start = row + 1;
+        }
+    }
+
+    /// How many there are.
+    pub(super) fn count(&self) -> usize {
+        self.starts.len()
+    }
+
+    /// The last row of each.
+    pub(super) fn last_rows(&self) -> Vec<usize> {
+        let ends = self.starts.iter().skip(1).copied().chain([self.terminated.len()]);
+        ends.map(|end| end - 1).collect()
+    }
+
+    /// Takes each episode's last row away, whose end becomes the row's before. Each must have two rows or more.
+    pub(super) fn drop_last_rows(&mut self) {
+        let dropped = self.last_rows();
+        for flags in [&mut self.terminated, &mut self.truncated] {
+            dropped.iter().for_each(|&row| flags[row - 1] |= flags[row]);
+            let mut row = 0..;
+            flags.retain(|_| row.next().is_some_and(|row| dropped.binary_search(&row).is_err()));
+        }
+        self.starts.iter_mut().enumerate().for_each(|(episode, start)| *start -= episode);
+    }
+}
+
+/// What the arrays say of where episodes start.
+struct Accounts {
+    n: usize,
+    found: Vec<(&'static str, Vec<usize>)>,
+}
+
+impl Accounts {
+    /// Adds one. Errors: it is another than the one before.
+    fn add(&mut self, name: &'static str, starts: Vec<usize>) -> Result<(), String> {
+        if let Some((other, before)) = self.found.first()
+            && *before != starts
+        {
+            let row = (0..self.n).find(|row| before.binary_search(row).is_ok() != starts.binary_search(row).is_ok());
+            let row = row.unwrap_or_default();
+            let (one, none) = if starts.contains(&row) { (name, *other) } else { (*other, name) };
+            return Err(format!("`{one}` begins an episode in row {row}, where `{none}` does not"));
+        }
+        self.found.push((name, starts));
+        Ok(())
+    }
+}
+
+fn flags(found: Option<(&'static str, super::arrays::Array)>) -> Option<(&'static str, Vec<bool>)> {
+    found.map(|(name, array)| (name, array.numbers().iter().map(|&x| x != 0.0).collect()))
+}
+
+/// Row 0, and each row after one that `ends`.
+fn after_each(n: usize, ends: impl Fn(usize) -> bool) -> Vec<usize> {
+    (0..n).filter(|&row| row == 0 || ends(row - 1)).collect()
+}
+
+/// `starts` as rows. Errors: they do not rise within `n`.
+fn rising(name: &str, starts: impl Iterator<Item = f64>, n: usize) -> Result<Vec<usize>, String> {
+    let disorderly = || format!("its `{name}` do not rise within its actions");
+    let rows: Option<Vec<usize>> =
+        starts.map(|at| (at.fract() == 0.0 && at >= 0.0 && at < n as f64).then_some(at as usize)).collect();
+    rows.filter(|rows| rows.is_sorted_by(|a, b| a < b)).ok_or_else(disorderly)
+}
+
+/// Where the number of the episode changes. Errors: one comes again.
+fn changes(name: &str, numbers: &[f64]) -> Result<Vec<usize>, String> {
+    let mut seen = HashSet::new();
+    let mut starts = Vec::new();
+    for (row, &number) in numbers.iter().enumerate() {
+        if row > 0 && number.to_bits() == numbers[row - 1].to_bits() {
+            continue;
+        }
+        if !seen.insert(number.to_bits()) {
+            return Err(format!("`{name}` {number} comes again in row {row}; an episode's steps must stand together"));
+        }
+        starts.push(row);
+    }
+    Ok(starts)
+}
+
+/// Where the step within the episode is the first again. Errors: it does not rise by one.
+fn restarts(name: &str, steps: &[f64]) -> Result<Vec<usize>, String> {
+    let mut starts = Vec::new();
+    for (row, &step) in steps.iter().enumerate() {
+        if row > 0 && step == steps[row - 1] + 1.0 {
+            continue;
+        }
+        if !step.is_finite() {
+            return Err(format!("`{name}` is {step} in row {row}"));
+        }
+        if step != steps[0] {
+            let expected = steps[row - 1] + 1.0;
+            return Err(format!("`{name}` is {step} in row {row}; expected {expected}, or {} again", steps[0]));
+        }
+        starts.push(row);
+    }
+    Ok(starts)
+}
