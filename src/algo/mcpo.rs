@@ -51,7 +51,7 @@ use crate::{
 };
 
 /// Raise it when what this file computes changes; whose runs that makes stale, [`revision`](super::revision) knows.
-pub const REVISION: u32 = 1;
+pub const REVISION: u32 = 2;
 
 /// The constraint is met where D exceeds the tolerance by less than this share of it: a correction ends near the bound, on
 /// either side.
@@ -94,7 +94,7 @@ pub struct Hyperparameters {
     pub line_search_steps: Count,
     /// Times that a trial whose D exceeds what is allowed is moved back before the step is halved (`samples =
     /// "demo_states"`).
-    pub corrections: CountOrNone,
+    pub max_corrections: CountOrNone,
     /// Adam steps of one recovery, at most (`samples = "demo_states"`).
     pub recovery_steps: Count,
     /// Adam's step size in recovery.
@@ -131,7 +131,7 @@ impl Hyperparameters {
             value_epochs: constant(10),
             minibatch: constant(if env == EnvId::MountainCar { 64 } else { 1024 }),
             line_search_steps: constant(10),
-            corrections: constant(3),
+            max_corrections: constant(3),
             recovery_steps: constant(500),
             recovery_learning_rate: constant(1e-3),
             recovery_depth: constant(0.01),
@@ -348,7 +348,7 @@ impl Iteration<'_> {
         let max_mmd = met.max(self.measured.mmd);
         let trials = h.line_search_steps.size();
         // From a rollout D is known to first order alone, which has no curvature to correct.
-        let corrections = if h.mmd.samples == Samples::DemoStates { h.corrections.size() } else { 0 };
+        let corrections = if h.mmd.samples == Samples::DemoStates { h.max_corrections.size() } else { 0 };
         let way_back = || {
             let solve = || h.region().way_back(self.start, self.observations, fisher_pass, &self.measured.gradient);
             Some(self.way_back.clone().unwrap_or_else(solve))
@@ -522,7 +522,7 @@ mod tests {
     fn a_step_that_falls_short_of_the_tolerance_is_followed_by_recovery() {
         let demonstration = bandit::demonstration(100, |s| s + 1.2);
         let h = hyperparameters(Samples::DemoStates, 1e-3);
-        let h = Hyperparameters { max_kl: constant(2.0), corrections: constant(0), ..h };
+        let h = Hyperparameters { max_kl: constant(2.0), max_corrections: constant(0), ..h };
         let mut mcpo = Mcpo::new(h, bandit::agent(0.5), &demonstration, Seed(0));
         let updates = train(&mut mcpo, 2, |_, _| 0.0, &mut Seed(0).stream(Stream::Update, 0));
         for update in &updates {

@@ -67,6 +67,16 @@ fn held(demonstrated: &Demonstrated) -> String {
     format!("{episodes}, {steps}, {mean_return}")
 }
 
+/// A word of a command line as a shell reads it.
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=,:+@%".contains(c);
+    if !word.is_empty() && word.chars().all(plain) {
+        word.to_owned()
+    } else {
+        format!("'{}'", word.replace('\'', "'\\''"))
+    }
+}
+
 fn render(path: &Path, stamp: &Stamp, manifest: Option<&Manifest>) -> anyhow::Result<String> {
     let mut rows = vec![("file", path.display().to_string())];
     for key in ["experiment", "id", "env"] {
@@ -101,12 +111,13 @@ fn render(path: &Path, stamp: &Stamp, manifest: Option<&Manifest>) -> anyhow::Re
     rows.push(("fingerprint", stamp.fingerprint.clone()));
     rows.extend(stamp.demonstration.clone().map(|digest| ("demo digest", digest)));
     rows.extend(stamp.demonstrated.as_ref().map(|demonstrated| ("demo", held(demonstrated))));
-    rows.push(("program", format!("mcpo-run {}, executable {}", build.program, build.executable)));
+    rows.push(("program", format!("mcpo-run {}, executable {}", build.program, build.executable.digest())));
     rows.push(("versions", build.versions.to_string()));
     rows.push(("cpu class", format!("{}, libm {}", build.cpu_class, build.libm)));
     if let Some(origin) = &stamp.origin {
         rows.push(("host", format!("{}, {}", origin.host, origin.cpu)));
-        rows.push(("command", origin.command_line.join(" ")));
+        let words: Vec<String> = origin.command_line.iter().map(|word| quoted(word)).collect();
+        rows.push(("command", words.join(" ")));
         rows.push(("called", origin.called.clone()));
         let git = origin.git.as_ref().map_or_else(
             || "no repository".to_owned(),
@@ -116,4 +127,23 @@ fn render(path: &Path, stamp: &Stamp, manifest: Option<&Manifest>) -> anyhow::Re
     }
     let rows: String = rows.into_iter().map(|(key, value)| format!("{key:<12} {value}\n")).collect();
     Ok(format!("{rows}spec\n{}\n", serde_json::to_string_pretty(&stamp.spec)?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_command_can_be_pasted_into_a_shell() {
+        for (word, expected) in [
+            ("--set", "--set"),
+            ("budget.env_steps=100", "budget.env_steps=100"),
+            ("mmd.bandwidth={ fixed = 1 }", "'mmd.bandwidth={ fixed = 1 }'"),
+            ("it's", r"'it'\''s'"),
+            ("$HOME;rm", "'$HOME;rm'"),
+            ("", "''"),
+        ] {
+            assert_eq!(quoted(word), expected);
+        }
+    }
 }

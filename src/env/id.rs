@@ -95,6 +95,13 @@ impl EnvId {
         Ok(Box::new(MujocoEnvironment::new(definition)?))
     }
 
+    /// Every name that is known, Gym's and the paper's.
+    pub fn known() -> impl Iterator<Item = (&'static str, Self)> {
+        Self::ALL
+            .into_iter()
+            .flat_map(|id| std::iter::once(id.name()).chain(id.paper_name()).map(move |name| (name, id)))
+    }
+
     /// The paper's name where it is not Gym's.
     const fn paper_name(self) -> Option<&'static str> {
         match self {
@@ -121,16 +128,11 @@ impl FromStr for EnvId {
     type Err = EnvError;
 
     fn from_str(name: &str) -> Result<Self, EnvError> {
-        let known = || {
-            Self::ALL
-                .iter()
-                .flat_map(|&id| std::iter::once(id.name()).chain(id.paper_name()).map(move |name| (name, id)))
-        };
-        if let Some((_, id)) = known().find(|(known, _)| *known == name) {
+        if let Some((_, id)) = Self::known().find(|(known, _)| *known == name) {
             return Ok(id);
         }
         let unlike = |known: &str| strsim::damerau_levenshtein(&name.to_lowercase(), &known.to_lowercase());
-        let nearest = known().map(|(known, _)| known).min_by_key(|known| unlike(known)).unwrap_or_default();
+        let nearest = Self::known().map(|(known, _)| known).min_by_key(|known| unlike(known)).unwrap_or_default();
         Err(EnvError::UnknownEnvironment { name: name.to_owned(), nearest: nearest.to_owned() })
     }
 }

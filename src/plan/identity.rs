@@ -177,7 +177,8 @@ mod tests {
     #[test]
     fn the_canonical_text_is_what_a_reader_expects() {
         let run = planned(
-            "[[matrix]]\nseed = [7]\nenv = ['Hopper-v2']\nalgorithm = ['bc']\nreward = [{ sparse2 = { distance = 1.0 } }]\n",
+            "[[matrix]]\nseed = [7]\nenv = ['Hopper-v2']\nalgorithm = ['bc']\n\
+             reward = [{ sparse2 = { distance = 1.0, mode = 'beyond' } }]\n",
         )
         .remove(0);
         let text = run.canonical_text(Some("d1g357"), &versions());

@@ -7,12 +7,14 @@
 pub mod checkpoint;
 mod claim;
 pub mod compare;
+mod executable;
 mod heartbeat;
 mod manifest;
 mod paths;
 pub mod policy;
 pub mod pretrained;
 mod provenance;
+mod repository;
 pub mod rows;
 mod under_way;
 
@@ -24,10 +26,12 @@ use std::{
 
 pub use checkpoint::Checkpoint;
 pub use claim::Claim;
+pub use executable::Executable;
 pub use heartbeat::Heartbeat;
 pub use manifest::{Attempt, Manifest, Outcome, TableDigests};
 pub use paths::{RunPaths, check_writable, experiment_folder};
 pub use provenance::{Build, Demonstrated, Origin, Stamp, cpu_class, now};
+pub use repository::Git;
 pub use under_way::UnderWay;
 
 /// How the names of files begin that are not yet in their place.

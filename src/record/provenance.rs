@@ -1,9 +1,15 @@
 //! Where a result comes from: what every file that a run leaves carries.
 
-use std::{env, fs, path::PathBuf, process::Command, time::SystemTime};
+use std::{
+    env, fs,
+    path::{Path, PathBuf},
+    time::SystemTime,
+};
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+
+use super::{executable::Executable, repository::Git};
 
 /// What every file of a run carries, as JSON under the key [`Stamp::KEY`] of its metadata.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -52,7 +58,7 @@ pub struct Build {
     /// The program's version.
     pub program: String,
     /// BLAKE3 of the executable file.
-    pub executable: String,
+    pub executable: Executable,
     /// The versions that matter for numbers, as they entered the fingerprint.
     pub versions: Value,
     /// The processor's [`cpu_class`].
@@ -71,11 +77,9 @@ impl Build {
 
     /// This program on this machine; `versions` are those of the fingerprint.
     pub fn current(versions: Value) -> Self {
-        let executable = env::current_exe().and_then(fs::read);
         Self {
             program: env!("CARGO_PKG_VERSION").to_owned(),
-            executable: executable
-                .map_or_else(|error| format!("unreadable: {error}"), |bytes| blake3::hash(&bytes).to_hex().to_string()),
+            executable: Executable::This,
             versions,
             cpu_class: cpu_class(),
             libm: libm(),
@@ -102,15 +106,6 @@ pub struct Origin {
     pub git: Option<Git>,
 }
 
-/// A state of a git repository.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Git {
-    /// The commit's hash.
-    pub commit: String,
-    /// Whether tracked files differ from it.
-    pub dirty: bool,
-}
-
 impl Origin {
     /// This process.
     pub fn current() -> Self {
@@ -120,7 +115,7 @@ impl Origin {
             command_line: env::args_os().map(|argument| argument.to_string_lossy().into_owned()).collect(),
             called: now(),
             folder: env::current_dir().ok(),
-            git: git(),
+            git: Git::of(Path::new(".")),
         }
     }
 }
@@ -178,17 +173,6 @@ fn libm() -> String {
     hasher.finalize().to_hex()[..16].to_owned()
 }
 
-/// The repository's state; `None` without a repository or without git.
-fn git() -> Option<Git> {
-    let ask = |arguments: &[&str]| {
-        let output = Command::new("git").args(arguments).output().ok()?;
-        output.status.success().then(|| String::from_utf8_lossy(&output.stdout).trim().to_owned())
-    };
-    let commit = ask(&["rev-parse", "HEAD"])?;
-    let changes = ask(&["status", "--porcelain", "--untracked-files=no"])?;
-    Some(Git { commit, dirty: !changes.is_empty() })
-}
-
 /// The time, UTC, to the second: `2026-11-22T11:16:23Z`.
 pub fn now() -> String {
     let seconds = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0, |elapsed| elapsed.as_secs());
@@ -222,12 +206,5 @@ mod tests {
         assert_eq!(rfc3339(951_827_199), "2000-02-29T12:26:39Z");
         assert_eq!(rfc3339(4_107_542_399), "2100-02-28T23:59:59Z");
         assert_eq!(rfc3339(4_107_542_400), "2100-03-01T00:00:00Z");
-    }
-
-    #[test]
-    fn a_build_names_its_executable() {
-        let build = Build::current(Value::Null);
-        assert_eq!(build.executable.len(), 64, "{}", build.executable);
-        assert_eq!(build, Build::current(Value::Null));
     }
 }

@@ -6,7 +6,7 @@ use crate::{
     algo::Update,
     plan::plan,
     quantity::constant,
-    record::{Build, Demonstrated, Manifest, Outcome, RunPaths, Stamp, rows},
+    record::{Build, Demonstrated, Executable, Manifest, Outcome, RunPaths, Stamp, rows},
     spec::{self, Overrides},
     train::{EvaluationEpisode, Iteration},
 };
@@ -100,7 +100,7 @@ pub fn record(run: &Run, results: &Path) {
     let spec = serde_json::to_value(&run.spec).expect("a specification serialises");
     let build = Build {
         program: "0".into(),
-        executable: String::new(),
+        executable: Executable::Recorded(String::new()),
         versions: run.recording().map(|recording| recording.versions.clone()).unwrap_or_default(),
         cpu_class: String::new(),
         libm: String::new(),

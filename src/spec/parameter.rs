@@ -93,7 +93,12 @@ impl Parameter {
         };
         let path: Vec<&str> = key.split('.').collect();
         let schema = section.and_then(|section| section.schema(&path));
-        let types = schema.map_or(&serde_json::Value::Null, |schema| &schema["type"]);
+        let null = &serde_json::Value::Null;
+        // Of a choice such as `d`, a number or a share, the first form is what tables and curves show.
+        let types = schema.map_or(null, |schema| match &schema["type"] {
+            serde_json::Value::Null => &schema["oneOf"][0]["type"],
+            types => types,
+        });
         // What may be absent is `["number", "null"]`.
         match types.as_str().or_else(|| types.as_array()?.first()?.as_str()) {
             Some("number") => Kind::Number,

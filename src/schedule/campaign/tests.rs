@@ -137,7 +137,7 @@ fn ended(run: &Planned, outcome: Outcome) -> Manifest {
         libm: "a".to_owned(),
         error: None,
     };
-    let env_steps = run.spec.trained_steps();
+    let env_steps = if outcome == Outcome::Finished { run.spec.trained_steps() } else { 512 };
     let manifest = Manifest { attempts: vec![attempt], env_steps, outcome, ..Manifest::new(run.stamp.clone()) };
     run.paths.open().expect("made");
     run.paths.close(&manifest).expect("closed");
