@@ -300,7 +300,7 @@ fn what_a_demonstration_returned_is_recorded_with_its_runs_and_stands_beside_the
         csv.lines().skip(1).map(|line| line.rsplit_once(",4096,").expect("the budget").1.to_owned()).collect::<Vec<_>>()
     };
     // As `mcpo-run demo show` prints it; the paper's is Table 3's.
-    assert_eq!(cells(), ["554,553"; 2]);
+    assert_eq!(cells(), ["556,553"; 2]);
     let table = fs::read_to_string(folder.path().join("results/small/report/returns.md")).expect("readable");
     assert!(table.contains("runs that depart from them have none beside them: network.hidden.\n"), "{table}");
     let manifest = folder.path().join("results/small/runs/InvertedPendulum-v2/mcpo/seed-0/run.json");

@@ -91,10 +91,13 @@ cell! {
     Option<String> = String by str as |cell: Option<&str>| Some(cell.map(str::to_owned));
 }
 
-/// Two functions from one list of columns: `$to` makes the frame of rows, `$from` the rows of a frame. `$row` names every
+/// The names and two functions from one list of columns: `$to` makes the frame of rows, `$from` the rows of a frame. `$row` names every
 /// field of the row, so that a field which is added elsewhere cannot be forgotten here.
 macro_rules! table {
-    ($to:ident, $from:ident, $row:ident; $($column:ident: $cell:ty = $($path:ident).+;)*; $build:expr) => {
+    ($names:ident, $to:ident, $from:ident, $row:ident; $($column:ident: $cell:ty = $($path:ident).+;)*; $build:expr) => {
+        /// The names of the row's columns.
+        const $names: &[&str] = &[$(stringify!($column)),*];
+
         fn $to(keys: &Keys, rows: &[$row]) -> PolarsResult<DataFrame> {
             let mut columns = key_columns(keys, rows.len());
             $(columns.push(<$cell>::column(stringify!($column), rows.iter().map(|row| row.$($path).+.clone()).collect()));)*
@@ -113,7 +116,7 @@ macro_rules! table {
     };
 }
 
-table! { progress_frame, progress_rows, Iteration;
+table! { OF_PROGRESS, progress_frame, progress_rows, Iteration;
     iteration: u64 = iteration;
     env_steps: u64 = env_steps;
     episodes: u64 = episodes;
@@ -151,7 +154,7 @@ table! { progress_frame, progress_rows, Iteration;
     }
 }
 
-table! { evaluation_frame, evaluation_rows, EvaluationEpisode;
+table! { OF_EVALUATIONS, evaluation_frame, evaluation_rows, EvaluationEpisode;
     env_steps: u64 = env_steps;
     last: bool = last;
     episode: u64 = episode;
@@ -161,8 +164,15 @@ table! { evaluation_frame, evaluation_rows, EvaluationEpisode;
     ; EvaluationEpisode { env_steps, last, episode, dense_return, training_return, length }
 }
 
-/// The columns that follow the axes', by which these end.
-const FIRST_OF_ROWS: [&str; 2] = ["iteration", "env_steps"];
+/// What goes before the name of an axis that another column has: the axis `cg_iterations` is what was allowed, the column
+/// `cg_iterations` what was taken; the column `d` holds numbers alone.
+const AXIS: &str = "axis.";
+
+/// The column of the axis `key`, the same in both tables.
+fn axis_column(key: &str) -> String {
+    let taken = ["d", "epsilon"].contains(&key) || OF_PROGRESS.contains(&key) || OF_EVALUATIONS.contains(&key);
+    if taken { format!("{AXIS}{key}") } else { key.to_owned() }
+}
 
 fn key_columns(keys: &Keys, height: usize) -> Vec<Column> {
     let mut columns = vec![
@@ -174,11 +184,14 @@ fn key_columns(keys: &Keys, height: usize) -> Vec<Column> {
         Option::<f64>::column("epsilon", vec![keys.epsilon; height]),
         u64::column("seed", vec![keys.seed; height]),
     ];
-    columns.extend(keys.axes.iter().map(|(key, value)| match value {
-        AxisValue::Number(number) => Option::<f64>::column(key, vec![*number; height]),
-        AxisValue::Whole(number) => Option::<i64>::column(key, vec![*number; height]),
-        AxisValue::Truth(truth) => Option::<bool>::column(key, vec![*truth; height]),
-        AxisValue::Text(text) => Option::<String>::column(key, vec![text.clone(); height]),
+    columns.extend(keys.axes.iter().map(|(key, value)| {
+        let name = axis_column(key);
+        match value {
+            AxisValue::Number(number) => Option::<f64>::column(&name, vec![*number; height]),
+            AxisValue::Whole(number) => Option::<i64>::column(&name, vec![*number; height]),
+            AxisValue::Truth(truth) => Option::<bool>::column(&name, vec![*truth; height]),
+            AxisValue::Text(text) => Option::<String>::column(&name, vec![text.clone(); height]),
+        }
     }));
     columns
 }
@@ -188,14 +201,15 @@ fn axes_of(frame: &DataFrame) -> PolarsResult<BTreeMap<String, AxisValue>> {
     let names =
         frame.get_column_names().into_iter().map(|name| name.as_str()).skip_while(|name| *name != "seed").skip(1);
     let mut axes = BTreeMap::new();
-    for name in names.take_while(|name| !FIRST_OF_ROWS.contains(name)) {
+    // They end where the row's quantities begin.
+    for name in names.take_while(|name| ![OF_PROGRESS[0], OF_EVALUATIONS[0]].contains(name)) {
         let value = match frame.column(name)?.dtype() {
             DataType::Float64 => AxisValue::Number(cells::<Option<f64>>(frame, name)?.pop().flatten()),
             DataType::Int64 => AxisValue::Whole(cells::<Option<i64>>(frame, name)?.pop().flatten()),
             DataType::Boolean => AxisValue::Truth(cells::<Option<bool>>(frame, name)?.pop().flatten()),
             _ => AxisValue::Text(cells::<Option<String>>(frame, name)?.pop().flatten()),
         };
-        axes.insert(name.to_owned(), value);
+        axes.insert(name.strip_prefix(AXIS).unwrap_or(name).to_owned(), value);
     }
     Ok(axes)
 }
@@ -389,14 +403,21 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn no_axis_has_the_name_of_another_column() {
-        let bare = Keys { axes: BTreeMap::new(), ..keys(None) };
-        for frame in [progress_frame(&bare, &[]), evaluation_frame(&bare, &[])] {
-            for name in frame.expect("a frame").get_column_names() {
-                let is_axis = crate::spec::Parameter::find(name).is_some();
-                assert_eq!(is_axis, ["d", "epsilon"].contains(&name.as_str()), "{name}");
-            }
-        }
+    fn any_parameter_can_be_an_axis_beside_the_row_and_comes_back() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let mut keys = keys(Some(1e-3));
+        let names = crate::spec::Parameter::names().into_iter();
+        keys.axes = names.map(|name| (name, AxisValue::Number(Some(0.5)))).collect();
+        assert!(keys.axes.contains_key("cg_iterations"), "MCPO bounds what a column counts");
+        let (progress, evaluations) = (folder.path().join("p.parquet"), folder.path().join("e.parquet"));
+        write_progress(&progress, &keys, &stamp(), &[iteration(1)]).expect("written");
+        write_evaluations(&evaluations, &keys, &stamp(), &[episode(0)]).expect("written");
+        assert_eq!(read_progress(&progress).expect("readable"), [iteration(1)], "an axis took a quantity's place");
+        assert_eq!(read_evaluations(&evaluations).expect("readable"), [episode(0)]);
+        assert_eq!(
+            [read_keys(&progress), read_keys(&evaluations)].map(|read| read.expect("readable")),
+            [keys.clone(), keys]
+        );
     }
 
     #[test]
