@@ -85,7 +85,8 @@ fn every_algorithm_repeats_and_resumes_bit_for_bit() {
         assert_eq!(whole.iterations, again.iterations, "{algorithm} does not repeat");
         assert_eq!(whole.evaluations, again.evaluations, "{algorithm} does not repeat");
         assert!(whole.evaluations.iter().filter(|episode| episode.last).count() == 3, "{algorithm}");
-        if whole.iterations.is_empty() {
+        // Cloning tells its loss in a row of no steps.
+        if whole.iterations.iter().all(|row| row.env_steps == 0) {
             assert!(["bc", "random"].contains(&algorithm), "{algorithm} trained nothing");
             continue;
         }

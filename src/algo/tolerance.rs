@@ -73,6 +73,8 @@ impl<'de> de::Visitor<'de> for Written {
     fn visit_map<A: de::MapAccess<'de>>(self, mut map: A) -> Result<Tolerance, A::Error> {
         match map.next_key::<String>()? {
             Some(key) if key == RELATIVE => {}
+            // A date comes as a map of one private key.
+            Some(key) if key.starts_with("$__") => return Err(de::Error::invalid_type(de::Unexpected::Map, &self)),
             Some(key) => return Err(de::Error::unknown_field(&key, &[RELATIVE])),
             None => return Err(de::Error::missing_field(RELATIVE)),
         }
