@@ -44,7 +44,7 @@ pub enum Learner {
     /// Learns from its own rollouts.
     OnPolicy(Box<dyn OnPolicy>),
     /// Learned from the demonstration alone, and takes no step of its own; with what that was like.
-    Offline(Agent, Update),
+    Offline(Agent, Box<Update>),
     /// Learns nothing: uniform actions.
     Uniform,
 }
@@ -75,7 +75,7 @@ pub fn learner(spec: &RunSpec, sink: &mut dyn RunSink) -> Result<Learner, TrainE
             let demonstration = demonstration(spec)?;
             let agent = cloned(&h, agent, &demonstration)?;
             let cloning_loss = Some(cloning::loss_of(h.loss, &agent, &demonstration, &mut Pass::default()));
-            return Ok(Learner::Offline(agent, Update { cloning_loss, ..Update::default() }));
+            return Ok(Learner::Offline(agent, Box::new(Update { cloning_loss, ..Update::default() })));
         }
         Algorithm::Random(_) => return Ok(Learner::Uniform),
     };

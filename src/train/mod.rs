@@ -163,7 +163,7 @@ pub fn run(spec: &RunSpec, checkpoint: Option<&[u8]>, sink: &mut dyn RunSink) ->
         Learner::OnPolicy(algorithm) => on_policy::run(spec, algorithm, checkpoint, sink),
         Learner::Offline(agent, learned) => {
             // A run that was stopped here has this row already.
-            if checkpoint.is_none() && sink.iteration(&Iteration::before_any(learned), &Vec::new)? == Flow::Stop {
+            if checkpoint.is_none() && sink.iteration(&Iteration::before_any(*learned), &Vec::new)? == Flow::Stop {
                 return Ok(Ending::Stopped);
             }
             offline::run(spec, Some(&agent), sink)
