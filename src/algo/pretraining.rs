@@ -59,14 +59,15 @@ impl Pretraining<'_> {
         blake3::hash(&super::to_bytes(&(REVISION, hyperparameters, agent, numbers, seed))).to_hex().to_string()
     }
 
-    /// The agent after behaviour cloning; what follows is PPO as it is.
+    /// The agent after behaviour cloning, which calls `alive` after each epoch; what follows is PPO as it is.
     ///
     /// Errors: the loss is no longer finite.
-    pub fn train(&self) -> Result<Agent, AlgoError> {
+    pub fn train(&self, alive: &mut dyn FnMut()) -> Result<Agent, AlgoError> {
         let mut agent = self.agent.clone();
         let mut rng = self.seed.stream(Stream::Pretraining, 0);
         cloning::clone_behaviour(self.hyperparameters, self.demonstration, &mut agent, &mut rng, |epoch, loss, _| {
             tracing::debug!(epoch, loss, "behaviour cloning");
+            alive();
         })?;
         Ok(agent)
     }
@@ -120,7 +121,7 @@ mod tests {
             demonstration: &demonstration,
             seed: Seed(0),
         };
-        let cloned = start.train().expect("finite");
+        let cloned = start.train(&mut || {}).expect("finite");
         assert_eq!(cloned.value, agent.value, "a demonstration says nothing of sparse returns");
         let alone = (bandit::score(&cloned, sparse), score_after_ppo(agent));
         let together = score_after_ppo(cloned);

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     Ending, Flow, Iteration, RunSink, TrainError, build,
-    evaluate::{self, Actor},
+    evaluate::{self, Actor, Evaluation},
     rollout::{Episode, Rollout, RolloutState},
 };
 use crate::{
@@ -88,6 +88,7 @@ impl<'a> Training<'a> {
         let began = Instant::now();
         let collected = self.rollout.collect(self.algorithm.agent_mut(), spec.rollout.steps.size() / environments)?;
         let rollout_seconds = began.elapsed().as_secs_f64();
+        sink.alive();
 
         let before = self.progress.env_steps;
         self.progress.iteration += 1;
@@ -131,11 +132,11 @@ impl<'a> Training<'a> {
     fn evaluate(&mut self, sink: &mut dyn RunSink, last: bool) -> Result<(), TrainError> {
         let evaluation = &self.spec.evaluation;
         let count = if last { evaluation.final_episodes } else { evaluation.episodes }.get();
-        let index = self.progress.evaluations;
+        let (seed, index, env_steps) = (self.spec.seed, self.progress.evaluations, self.progress.env_steps);
         self.progress.evaluations += 1;
         let actor = &mut Actor::MeanAction(self.algorithm.agent());
-        let (seed, env_steps) = (self.spec.seed, self.progress.env_steps);
-        let episodes = evaluate::evaluation(actor, &mut self.evaluation_tasks, seed, index, env_steps, count, last)?;
+        let due = Evaluation { seed, index, env_steps, count, last };
+        let episodes = evaluate::evaluation(actor, &mut self.evaluation_tasks, due, &mut || sink.alive())?;
         Ok(sink.evaluation(&episodes)?)
     }
 

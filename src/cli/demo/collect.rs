@@ -93,7 +93,7 @@ fn nearest(runs: &[RunSpec], results: &Path, starts: u32, target: f64) -> anyhow
         for path in kept_policies(&paths)? {
             let (agent, stamp) = policy::read(&path)?;
             let generators = (0..starts).map(|start| run.seed.stream(Stream::Evaluation, start)).collect();
-            let episodes = evaluate::episodes(&mut Actor::MeanAction(&agent), &mut tasks, generators)?;
+            let episodes = evaluate::episodes(&mut Actor::MeanAction(&agent), &mut tasks, generators, &mut || {})?;
             for (start, episode) in (0..).zip(&episodes) {
                 let distance = |dense_return: f64| (dense_return - target).abs();
                 if best.as_ref().is_none_or(|best| distance(episode.dense_return) < distance(best.dense_return)) {
