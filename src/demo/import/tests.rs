@@ -399,10 +399,7 @@ fn what_two_arrays_say_of_episodes_must_agree() {
     let starts = || ("episode_starts", marks(&[0, 2]));
     let agreeing =
         six_steps(&[starts(), ("episode_index", vec![0.0, 0.0, 1.0, 1.0, 1.0, 1.0]), ("dones", marks(&[1]))]);
-    assert_eq!(
-        agreeing.expect("both say the same").demonstration.terminated,
-        [false, true, false, false, false, true]
-    );
+    assert_eq!(agreeing.expect("both say the same").demonstration.terminated, [false, true, false, false, false, true]);
     refused(
         &[starts(), ("episode_index", vec![0.0, 0.0, 0.0, 1.0, 1.0, 1.0])],
         "`episode_starts` begins an episode in row 2, where `episode_index` does not",
