@@ -1,10 +1,12 @@
 //! What the repository ships: every experiment, and every example of the documentation.
 
-use std::{fs, path::Path};
+use std::{fs, path::Path, process::Command};
 
 use mcpo_run::{
     plan::plan,
+    record::{Build, Stamp, rows},
     spec::{self, Algorithm, Overrides},
+    train::EvaluationEpisode,
 };
 use serde_json::Value;
 
@@ -62,6 +64,53 @@ fn every_example_in_the_documentation_is_valid() {
         whole.push_str(&after);
         spec::parse(Path::new("experiments/example.toml"), &whole, &Overrides::default()).expect("a valid example");
     }
+}
+
+#[test]
+fn the_line_of_the_readme_keeps_experiments_apart() {
+    let readme = fs::read_to_string("README.md").expect("the documentation is there");
+    let block =
+        readme.split("```python\n").nth(1).and_then(|rest| rest.split("```").next()).expect("a block of Python");
+    let keys = block.split_once(".group_by(").and_then(|(_, rest)| rest.split_once(')')).expect("it groups").0;
+    assert!(keys.split(',').any(|key| key.trim() == "\"experiment\""), "{keys}");
+    // Without polars for Python, the keys are all that can be looked at.
+    let polars = Command::new("python3").args(["-c", "import polars"]).output();
+    if !polars.is_ok_and(|output| output.status.success()) {
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = "budget.env_steps = 100_000\n[[matrix]]\nseed = [0]\nenv = ['Hopper-v2']\nalgorithm = ['ppo']\n";
+    for (name, dense_return) in [("smoke", 1000.0), ("ci", 10.0)] {
+        let text = format!("name = '{name}'\n{text}");
+        let spec = spec::parse(Path::new("x.toml"), &text, &Overrides::default()).expect("valid");
+        let run = plan(&spec).expect("one run").remove(0);
+        let path = folder.path().join("results").join(name).join("runs/evaluations.parquet");
+        fs::create_dir_all(path.parent().expect("a folder")).expect("made");
+        let stamp = Stamp {
+            spec: serde_json::to_value(&run).expect("JSON"),
+            fingerprint: String::new(),
+            demonstration: None,
+            demonstrated: None,
+            build: Build::current(Value::Null),
+            origin: None,
+        };
+        let row = |env_steps, last, dense_return| EvaluationEpisode {
+            env_steps,
+            last,
+            episode: 0,
+            dense_return,
+            training_return: 0.0,
+            length: 1,
+        };
+        let episodes = [row(0, false, -1.0), row(100_000, true, dense_return), row(100_000, true, dense_return)];
+        rows::write_evaluations(&path, &rows::Keys::from(&run), &stamp, &episodes).expect("written");
+    }
+    let (before, line) = block.trim_end().rsplit_once('\n').expect("an import and a line");
+    let script = format!("{before}\nfor row in sorted({line}.rows()): print(*row)\n");
+    let output = Command::new("python3").args(["-c", &script]).current_dir(folder.path()).output().expect("it starts");
+    let said = String::from_utf8_lossy(&output.stdout);
+    let complaint = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(said.trim(), "ci Hopper-v2 ppo 10.0\nsmoke Hopper-v2 ppo 1000.0", "{complaint}");
 }
 
 #[test]
