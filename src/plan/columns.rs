@@ -23,11 +23,13 @@ pub enum AxisValue {
     Text(Option<String>),
 }
 
-/// The axes of `spec`, in order, each once; those that every table has as columns of their own are not among them.
+/// The axes of `spec`, in order, each once. Those that every table has as columns of their own are not among them, unless they
+/// have values that these cannot hold: a tolerance that is a share.
 pub(super) fn keys(spec: &ExperimentSpec) -> Vec<String> {
     let mut keys: Vec<String> = Vec::new();
-    for (key, _) in spec.matrix.iter().flat_map(|block| &block.axes) {
-        if !keys.contains(key) && !ALWAYS.contains(&key.as_str()) {
+    for (key, values) in spec.matrix.iter().flat_map(|block| &block.axes) {
+        let is_told = ALWAYS.contains(&key.as_str()) && !values.iter().any(Value::is_table);
+        if !keys.contains(key) && !is_told {
             keys.push(key.clone());
         }
     }
@@ -36,7 +38,7 @@ pub(super) fn keys(spec: &ExperimentSpec) -> Vec<String> {
 }
 
 impl RunSpec {
-    /// The axes of its whole experiment, `d` and `epsilon` apart, with this run's values.
+    /// The axes of its whole experiment, `d` and `epsilon` apart where they are numbers, with this run's values.
     pub fn axis_columns(&self) -> BTreeMap<String, AxisValue> {
         self.columns.iter().filter_map(|key| Some((key.clone(), self.axis_value(key)?))).collect()
     }
@@ -82,5 +84,15 @@ mod tests {
         assert_eq!(columns[0], expected(Some(0.01), 2048, None, &sparse));
         assert_eq!(columns[1], expected(None, 2048, Some(true), &sparse));
         assert_eq!(columns[2], expected(None, 4096, Some(false), "dense"), "what its block does not vary is told too");
+    }
+
+    #[test]
+    fn a_tolerance_that_is_a_share_is_told() {
+        let runs = planned(
+            "[[matrix]]\nseed = [0]\nenv = ['Ant-v2']\nalgorithm = ['mcpo']\nd = [0.5, { relative = 0.01 }]\nepsilon = [0]\n",
+        );
+        let told: Vec<_> = runs.iter().map(|run| run.axis_columns()["d"].clone()).collect();
+        assert_eq!(told, ["0.5", "relative-0.01"].map(|text| AxisValue::Text(Some(text.to_owned()))));
+        assert_eq!((runs[0].d(), runs[1].d(), runs[0].axis_columns().len()), (Some(0.5), None, 1));
     }
 }
