@@ -23,14 +23,19 @@ pub enum AxisValue {
     Text(Option<String>),
 }
 
-/// The axes of `spec`, in order, each once. Those that every table has as columns of their own are not among them, unless they
-/// have values that these cannot hold: a tolerance that is a share.
+/// The axes of `spec`, in order, each once; those that every table has as columns of their own are not among them. Where a
+/// number may also be given in another form, as a tolerance may be a share, that form has a column beside the number's:
+/// `d.relative`.
 pub(super) fn keys(spec: &ExperimentSpec) -> Vec<String> {
     let mut keys: Vec<String> = Vec::new();
     for (key, values) in spec.matrix.iter().flat_map(|block| &block.axes) {
-        let is_told = ALWAYS.contains(&key.as_str()) && !values.iter().any(Value::is_table);
-        if !keys.contains(key) && !is_told {
-            keys.push(key.clone());
+        let is_text = Parameter::find(key).is_none_or(|parameter| parameter.kind() == Kind::Text);
+        let forms = values.iter().filter(|_| !is_text).filter_map(Value::as_table).flat_map(toml::Table::keys);
+        let own = Some(key.clone()).filter(|key| !ALWAYS.contains(&key.as_str()));
+        for key in own.into_iter().chain(forms.map(|form| format!("{key}.{form}"))) {
+            if !keys.contains(&key) {
+                keys.push(key);
+            }
         }
     }
     keys.sort_unstable();
@@ -38,7 +43,7 @@ pub(super) fn keys(spec: &ExperimentSpec) -> Vec<String> {
 }
 
 impl RunSpec {
-    /// The axes of its whole experiment, `d` and `epsilon` apart where they are numbers, with this run's values.
+    /// The axes of its whole experiment, `d` and `epsilon` apart, with this run's values.
     pub fn axis_columns(&self) -> BTreeMap<String, AxisValue> {
         self.columns.iter().filter_map(|key| Some((key.clone(), self.axis_value(key)?))).collect()
     }
@@ -46,16 +51,21 @@ impl RunSpec {
     fn axis_value(&self, key: &str) -> Option<AxisValue> {
         // An axis of demonstrations is told by what tells its files apart.
         let value = self.axes.get(key).cloned().or_else(|| self.value(key));
-        Some(match Parameter::find(key)?.kind() {
-            Kind::Number => AxisValue::Number(value.and_then(|value| match value {
-                Value::Integer(number) => Some(number as f64),
-                other => other.as_float(),
-            })),
+        let Some(parameter) = Parameter::find(key) else {
+            let (outer, form) = key.rsplit_once('.')?;
+            return Some(AxisValue::Number(self.value(outer).and_then(|value| number(value.get(form)?))));
+        };
+        Some(match parameter.kind() {
+            Kind::Number => AxisValue::Number(value.as_ref().and_then(number)),
             Kind::Whole => AxisValue::Whole(value.and_then(|value| value.as_integer())),
             Kind::Truth => AxisValue::Truth(value.and_then(|value| value.as_bool())),
             Kind::Text => AxisValue::Text(value.map(|value| short(&value))),
         })
     }
+}
+
+fn number(value: &Value) -> Option<f64> {
+    value.as_float().or_else(|| value.as_integer().map(|number| number as f64))
 }
 
 #[cfg(test)]
@@ -91,8 +101,8 @@ mod tests {
         let runs = planned(
             "[[matrix]]\nseed = [0]\nenv = ['Ant-v2']\nalgorithm = ['mcpo']\nd = [0.5, { relative = 0.01 }]\nepsilon = [0]\n",
         );
-        let told: Vec<_> = runs.iter().map(|run| run.axis_columns()["d"].clone()).collect();
-        assert_eq!(told, ["0.5", "relative-0.01"].map(|text| AxisValue::Text(Some(text.to_owned()))));
-        assert_eq!((runs[0].d(), runs[1].d(), runs[0].axis_columns().len()), (Some(0.5), None, 1));
+        let told: Vec<_> = runs.iter().map(|run| (run.d(), run.axis_columns())).collect();
+        let share = |share| BTreeMap::from([("d.relative".to_owned(), AxisValue::Number(share))]);
+        assert_eq!(told, [(Some(0.5), share(None)), (None, share(Some(0.01)))]);
     }
 }

@@ -141,7 +141,7 @@ mod tests {
     #[test]
     fn a_parameter_is_of_the_kind_that_its_values_are() {
         for (name, kind) in [
-            ("d", Kind::Text), // a number or a share
+            ("d", Kind::Number),
             ("mcpo.max_d", Kind::Number),
             ("mcpo.max_kl", Kind::Number),
             ("rollout.steps", Kind::Whole),

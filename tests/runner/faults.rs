@@ -42,11 +42,13 @@ fn killed_at_any_instant_a_run_goes_on_to_the_same_values() {
             bench.wait_for_checkpoint("disturbed", PENDULUM); // the first ones may come before there is any
         }
         thread::sleep(Duration::from_millis(pause));
-        if !signal("KILL", worker) {
+        let was_there = signal("KILL", worker);
+        let output = child.wait_with_output().expect("it ends");
+        if !was_there || output.status.success() {
             break; // it had finished
         }
         killed += 1;
-        let (_, stderr) = texts(&child.wait_with_output().expect("it ends"), 1, &ONE);
+        let (_, stderr) = texts(&output, 1, &ONE);
         assert!(stderr.contains("SIGKILL") && stderr.contains("memory"), "{stderr}");
         let manifest = bench.manifest("disturbed", PENDULUM);
         assert!(manifest.error().is_some_and(|error| error.contains("SIGKILL")), "{:?}", manifest.outcome);
