@@ -221,11 +221,31 @@ fn actions_beyond_the_bounds_move_as_the_bounds_do_and_cost_what_they_are() {
     }
 }
 
+/// Thrown forwards, a body is paid as often as it covered its distance, by the default reward.
+fn paid_by_milestones(env: EnvId, distance: f64) {
+    let mut task = Task::new(env, env.sparse_reward(), 1000).expect("its own reward");
+    let mut observation = buffer(&task);
+    task.reset(&mut rng(7), &mut observation);
+    let mut pose = task.pose();
+    pose.qvel[0] = 30.0;
+    task.set_pose(&pose, &mut observation).expect("a pose");
+    let zero = vec![0.0; task.spaces().action_dim];
+    let (mut paid, mut farthest) = (0.0, 0.0_f64);
+    for _ in 0..100 {
+        paid += task.step(&zero, &mut observation).expect("a step").reward;
+        farthest = farthest.max(task.pose().qpos[0] - pose.qpos[0]);
+    }
+    // Ant's position is the torso's of up to 10 ms ago: so near a whole distance either count is right.
+    let counts = [farthest - 0.05, farthest + 0.05].map(|x| (x / distance).floor());
+    assert!(paid >= 1.0 && (counts[0]..=counts[1]).contains(&paid), "{env}: {paid} for {farthest} m");
+}
+
 #[test]
 fn a_sparse_reward_follows_the_body() {
     // Thrown forwards, a body passes its distance at once.
     for env in [EnvId::HalfCheetah, EnvId::Hopper, EnvId::Walker2d, EnvId::Ant] {
         let Reward::Sparse2 { distance, .. } = env.sparse_reward() else { panic!("{env} moves forwards") };
+        paid_by_milestones(env, distance.get());
         let beyond = Reward::Sparse2 { distance, mode: SparseMode::Beyond };
         let mut task = Task::new(env, beyond, 1000).expect("its own reward");
         let mut observation = buffer(&task);
