@@ -64,14 +64,15 @@ impl Pretraining<'_> {
         blake3::hash(&super::to_bytes(&(cloning::REVISION, hyperparameters, agent, numbers, seed))).to_hex().to_string()
     }
 
-    /// The agent after behaviour cloning; what follows is PPO as it is.
+    /// The agent after behaviour cloning, which calls `alive` after each epoch; what follows is PPO as it is.
     ///
     /// Errors: the loss is no longer finite.
-    pub fn train(&self) -> Result<Agent, AlgoError> {
+    pub fn train(&self, alive: &mut dyn FnMut()) -> Result<Agent, AlgoError> {
         let mut agent = self.agent.clone();
         let mut rng = self.seed.stream(Stream::Pretraining, 0);
         cloning::clone_behaviour(self.hyperparameters, self.demonstration, &mut agent, &mut rng, |epoch, loss, _| {
             tracing::debug!(epoch, loss, "behaviour cloning");
+            alive();
         })?;
         Ok(agent)
     }
@@ -151,7 +152,7 @@ mod tests {
     }
 
     fn cloned(hyperparameters: &cloning::Hyperparameters, agent: &Agent, demonstration: &Demonstration) -> Agent {
-        Pretraining { hyperparameters, agent, demonstration, seed: Seed(0) }.train().expect("finite")
+        Pretraining { hyperparameters, agent, demonstration, seed: Seed(0) }.train(&mut || {}).expect("finite")
     }
 
     /// Cloning leads to where the reward can be met, and PPO from there to it; neither gets there alone.

@@ -34,7 +34,7 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<ExitCode> {
         .with_context(|| format!("{} was written by another version of this program", path.display()))?;
     let mut tasks = build::tasks(&spec, spec.rollout.environments.size())?;
     let starts = (0..arguments.episodes).map(|index| Seed(arguments.seed).stream(Stream::Evaluation, index)).collect();
-    let episodes = evaluate::episodes(&mut evaluate::Actor::MeanAction(&agent), &mut tasks, starts)?;
+    let episodes = evaluate::episodes(&mut evaluate::Actor::MeanAction(&agent), &mut tasks, starts, &mut || {})?;
     let row = |name: &str, numbers: Vec<f64>| {
         let mean = numbers.iter().sum::<f64>() / numbers.len() as f64;
         let squares: f64 = numbers.iter().map(|number| (number - mean).powi(2)).sum();

@@ -5,8 +5,10 @@
 //! anew, to the same bits.
 
 use std::{
-    fs::{self, File},
+    fs::{self, File, TryLockError},
     path::Path,
+    thread,
+    time::Duration,
 };
 
 use tracing::{info, warn};
@@ -16,14 +18,17 @@ use super::{
     checkpoint::{read_sealed, write_sealed},
     io_error,
 };
-use crate::{algo::Agent, train::TrainError};
+use crate::{
+    algo::Agent,
+    train::{Pretrain, TrainError},
+};
 
 /// What the file's first line says.
 const NAME: &str = "mcpo-run pre-trained agent";
 
 /// The agent of `key` in `folder`, or else what `train` gives, which is kept there. `key` names all that `train` depends
 /// on, but for the class of machine, whose bits may differ: that is `machine`. Of several processes that ask for the same
-/// agent at once, one trains it and the others wait.
+/// agent at once, one trains it and the others wait; `alive` is called now and then meanwhile.
 ///
 /// A file that is damaged is replaced, with a warning in the log.
 ///
@@ -32,11 +37,12 @@ pub fn pretrained(
     folder: &Path,
     key: &str,
     machine: (&str, &str),
-    train: &mut dyn FnMut() -> Result<Agent, TrainError>,
+    train: &mut Pretrain<'_>,
+    alive: &mut dyn FnMut(),
 ) -> Result<Agent, TrainError> {
     let name = &blake3::hash(format!("{key} {} {}", machine.0, machine.1).as_bytes()).to_hex()[..32];
     let path = folder.join(name);
-    let _lock = lock(folder, &path.with_extension("lock"))?;
+    let _lock = lock(folder, &path.with_extension("lock"), alive)?;
     match read_sealed(&path, NAME, key) {
         Ok(Some(agent)) => {
             info!("found the pre-trained agent {name}");
@@ -45,18 +51,27 @@ pub fn pretrained(
         Ok(None) => {}
         Err(error) => warn!("{error}; it is trained anew"),
     }
-    let agent = train()?;
+    let agent = train(alive)?;
     write_sealed(&path, NAME, key, &agent)?;
     info!("trained the agent {name}, and kept it for other runs");
     Ok(agent)
 }
 
 /// Waits for the lock, which lasts until it is dropped or its process ends, however it ends.
-fn lock(folder: &Path, path: &Path) -> Result<File, RecordError> {
+fn lock(folder: &Path, path: &Path, alive: &mut dyn FnMut()) -> Result<File, RecordError> {
+    const LOOK: Duration = Duration::from_millis(100);
     fs::create_dir_all(folder).map_err(io_error("create", folder))?;
     let file = File::create(path).map_err(io_error("create", path))?;
-    file.lock().map_err(io_error("lock", path))?;
-    Ok(file)
+    loop {
+        match file.try_lock() {
+            Ok(()) => return Ok(file),
+            Err(TryLockError::WouldBlock) => {
+                alive();
+                thread::sleep(LOOK);
+            }
+            Err(TryLockError::Error(error)) => return Err(io_error("lock", path)(error)),
+        }
+    }
 }
 
 impl From<RecordError> for TrainError {
@@ -87,23 +102,27 @@ mod tests {
     /// What is found or trained under `key`, and whether it was trained.
     fn ask(folder: &Path, key: &str, seed: u64) -> (Agent, bool) {
         let mut trained = false;
-        let mut train = || {
+        let mut train = |_: &mut dyn FnMut()| {
             trained = true;
             Ok(agent(seed))
         };
-        let given = pretrained(folder, key, ("x86_64 fma", "a"), &mut train).expect("a folder to write to");
+        let given = pretrained(folder, key, ("x86_64 fma", "a"), &mut train, &mut || {}).expect("a folder to write to");
         (given, trained)
     }
 
     #[test]
     fn what_fails_keeps_nothing() {
         let folder = tempfile::tempdir().expect("a folder");
-        let mut fail = || Err(TrainError::NoDemonstration);
-        assert!(matches!(pretrained(folder.path(), "k", ("c", "a"), &mut fail), Err(TrainError::NoDemonstration)));
+        let mut fail = |_: &mut dyn FnMut()| Err(TrainError::NoDemonstration);
+        assert!(matches!(
+            pretrained(folder.path(), "k", ("c", "a"), &mut fail, &mut || {}),
+            Err(TrainError::NoDemonstration)
+        ));
         assert!(ask(folder.path(), "k", 1).1, "a failure was found");
         let file = folder.path().join("file");
         fs::write(&file, "").expect("written");
-        let message = pretrained(&file, "k", ("c", "a"), &mut || Ok(agent(1))).expect_err("no folder").to_string();
+        let message =
+            pretrained(&file, "k", ("c", "a"), &mut |_| Ok(agent(1)), &mut || {}).expect_err("no folder").to_string();
         assert!(message.contains("file"), "{message}");
     }
 
@@ -132,9 +151,32 @@ mod tests {
         ask(folder.path(), "k", 1);
         assert_eq!(ask(folder.path(), "l", 2), (agent(2), true));
         for (n, machine) in [(3, ("aarch64", "a")), (4, ("x86_64 fma", "b"))] {
-            let other = pretrained(folder.path(), "k", machine, &mut || Ok(agent(n))).expect("trained");
+            let other = pretrained(folder.path(), "k", machine, &mut |_| Ok(agent(n)), &mut || {}).expect("trained");
             assert_eq!(other, agent(n));
         }
+    }
+
+    #[test]
+    fn waiting_for_another_and_training_are_signs_of_life() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (mut here, mut there) = (0, 0);
+        std::thread::scope(|scope| {
+            let folder = folder.path();
+            let (began, has_begun) = std::sync::mpsc::channel();
+            let there = &mut there;
+            scope.spawn(move || {
+                let mut train = |alive: &mut dyn FnMut()| {
+                    began.send(()).expect("the other waits");
+                    alive();
+                    thread::sleep(Duration::from_millis(350));
+                    Ok(agent(1))
+                };
+                pretrained(folder, "k", ("c", "a"), &mut train, &mut || *there += 1).expect("trained");
+            });
+            has_begun.recv().expect("the other trains");
+            pretrained(folder, "k", ("c", "a"), &mut |_| Ok(agent(2)), &mut || here += 1).expect("found");
+        });
+        assert!(here >= 2 && there == 1, "{here} while it waited, {there} while it trained");
     }
 
     #[test]
@@ -145,11 +187,11 @@ mod tests {
             for seed in 0..8 {
                 let (folder, count) = (folder.path(), &count);
                 scope.spawn(move || {
-                    let mut train = || {
+                    let mut train = |_: &mut dyn FnMut()| {
                         count.fetch_add(1, Ordering::Relaxed);
                         Ok(agent(seed))
                     };
-                    pretrained(folder, "k", ("c", "a"), &mut train).expect("a folder to write to");
+                    pretrained(folder, "k", ("c", "a"), &mut train, &mut || {}).expect("a folder to write to");
                 });
             }
         });

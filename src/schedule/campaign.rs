@@ -173,7 +173,7 @@ impl Campaign<'_> {
         let Options { jobs, threads, verbose, .. } = self.options;
         let left = self.running.len() + 1 + self.queue.len();
         let threads = threads.unwrap_or((jobs / left).max(1));
-        let job = Job { results: self.results.to_owned(), stamp: run.stamp.clone(), verbose, threads };
+        let job = Job { results: self.results.into(), stamp: run.stamp.clone(), verbose, threads };
         match self.executor.start(number, &job) {
             Ok(()) => {
                 let worker = Worker {
@@ -209,6 +209,7 @@ impl Campaign<'_> {
                 self.progress.evaluation(number, env_steps, dense_return);
             }
             Event::Warned { text } => self.progress.complain(&format!("{}: {text}", self.due[number].spec.id)),
+            Event::Alive => {}
             verdict => worker.verdict = Some(verdict),
         }
     }

@@ -1,6 +1,6 @@
 //! What goes through the pipes between the program and its worker processes: JSON, one line each.
 
-use std::path::PathBuf;
+use std::ffi::OsString;
 
 use serde::{Deserialize, Serialize};
 
@@ -10,8 +10,8 @@ use crate::record::Stamp;
 /// whose parent dies, however it dies, stops too.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Job {
-    /// The folder of all results.
-    pub results: PathBuf,
+    /// The folder of all results, whose name need not be text.
+    pub results: OsString,
     /// The run: its specification and its fingerprint.
     pub stamp: Stamp,
     /// Whether `log.txt` holds every iteration.
@@ -36,6 +36,8 @@ pub enum Event {
         /// Mean training return of the episodes that ended in it.
         training_return: Option<f64>,
     },
+    /// It works, though no iteration ended: it evaluates, learns from the demonstration, or waits for another run that does.
+    Alive,
     /// An evaluation ended.
     Evaluation {
         /// Environment steps so far.

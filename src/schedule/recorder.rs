@@ -15,7 +15,7 @@ use crate::{
         Attempt, Checkpoint, Heartbeat, Manifest, Outcome, RecordError, RunPaths, TableDigests, now, policy,
         pretrained::pretrained, rows,
     },
-    train::{EvaluationEpisode, Flow, Iteration, RunSink, SinkError, TrainError},
+    train::{EvaluationEpisode, Flow, Iteration, Pretrain, RunSink, SinkError, TrainError},
 };
 
 /// Heartbeats are no more frequent than this.
@@ -34,6 +34,7 @@ pub(super) struct Recorder<'a> {
     began: Instant,
     last_checkpoint: Instant,
     last_heartbeat: Option<Instant>,
+    last_alive: Instant,
     last_return: Option<f64>,
 }
 
@@ -74,6 +75,7 @@ impl<'a> Recorder<'a> {
             began: Instant::now(),
             last_checkpoint: Instant::now(),
             last_heartbeat: None,
+            last_alive: Instant::now(),
             last_return: None,
         })
     }
@@ -170,12 +172,22 @@ impl RunSink for Recorder<'_> {
         Ok(())
     }
 
-    fn pretrained(
-        &mut self,
-        key: &str,
-        train: &mut dyn FnMut() -> Result<Agent, TrainError>,
-    ) -> Result<Agent, TrainError> {
-        pretrained(&self.paths.pretrained, key, self.manifest.stamp.build.machine(), train)
+    fn alive(&mut self) {
+        signs_of_life(&mut self.last_alive);
+    }
+
+    fn pretrained(&mut self, key: &str, train: &mut Pretrain<'_>) -> Result<Agent, TrainError> {
+        let machine = self.manifest.stamp.build.machine();
+        let alive = &mut || signs_of_life(&mut self.last_alive);
+        pretrained(&self.paths.pretrained, key, machine, train, alive)
+    }
+}
+
+/// Tells that this process is alive, unless it told so within a heartbeat.
+fn signs_of_life(last: &mut Instant) {
+    if last.elapsed() >= HEARTBEAT {
+        *last = Instant::now();
+        tell(&Event::Alive);
     }
 }
 

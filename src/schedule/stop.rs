@@ -1,7 +1,7 @@
 //! Signals: the first one asks for a clean stop, the second one leaves at once.
 
 use std::{
-    io,
+    fs, io,
     sync::{
         Arc,
         atomic::{AtomicBool, Ordering},
@@ -22,13 +22,15 @@ pub struct StopRequest {
 }
 
 impl StopRequest {
-    /// A request that SIGINT (Ctrl-C), SIGTERM, SIGUSR1 (a cluster's warning) and SIGHUP (the terminal is gone) make. A second
+    /// A request that those of these signals make which this process was not started to ignore (`nohup` ignores SIGHUP):
+    /// SIGINT (Ctrl-C), SIGTERM, SIGUSR1 (a cluster's warning) and SIGHUP (the terminal is gone) make. A second
     /// signal ends the process at once with code 130.
     ///
     /// Errors: the system refuses the handlers.
     pub fn on_signals() -> io::Result<Self> {
         let request = Self::default();
-        for signal in [SIGINT, SIGTERM, SIGUSR1, SIGHUP] {
+        let ignored = ignored();
+        for signal in [SIGINT, SIGTERM, SIGUSR1, SIGHUP].into_iter().filter(|signal| ignored >> (signal - 1) & 1 == 0) {
             // In this order: the signal that makes the request does not see it made.
             signal_hook::flag::register_conditional_shutdown(signal, INTERRUPTED.into(), request.by_signal.clone())?;
             signal_hook::flag::register(signal, request.by_signal.clone())?;
@@ -45,6 +47,13 @@ impl StopRequest {
     pub fn is_made(&self) -> bool {
         self.by_signal.load(Ordering::SeqCst) || self.by_program.load(Ordering::SeqCst)
     }
+}
+
+/// The signals that this process ignores, one bit each, the lowest that of signal 1; none where the system does not tell.
+fn ignored() -> u64 {
+    let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0)
 }
 
 #[cfg(test)]

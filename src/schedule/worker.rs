@@ -9,6 +9,7 @@ use std::{
     process::ExitCode,
     sync::Mutex,
     thread,
+    time::Duration,
 };
 
 use tracing::{Level, error, warn};
@@ -78,7 +79,7 @@ fn work() -> Result<Event, WorkerError> {
     let job = read_job(&stop)?;
     let spec: RunSpec =
         serde_json::from_value(job.stamp.spec.clone()).map_err(|error| WorkerError::Job(error.to_string()))?;
-    let paths = RunPaths::new(&job.results, &spec.experiment, &spec.id)?;
+    let paths = RunPaths::new(job.results.as_ref(), &spec.experiment, &spec.id)?;
     let mut run = Planned { spec, paths, stamp: job.stamp };
     let Some(_claim) = Claim::take(&run.paths)? else { return Ok(Event::Claimed) };
     run.paths.settle()?;
@@ -149,10 +150,34 @@ fn read_job(stop: &StopRequest) -> Result<Job, WorkerError> {
         // Its end is the message, however it comes.
         let _ = io::stdin().lock().read_to_end(&mut Vec::new());
         stop.make();
+        leave_with_parent();
     };
     thread::Builder::new().name("parent".to_owned()).spawn(watch_parent).map_err(WorkerError::SetUp)?;
     Ok(job)
 }
+
+/// The pause between two looks at the parent.
+const LOOK: Duration = Duration::from_millis(200);
+
+/// Ends this process as soon as the parent, which has asked for a stop, leaves without waiting for it: a second Ctrl-C.
+/// Where the parent is gone already its death was the message, and the checkpoint that it asks for is written in peace.
+#[cfg(unix)]
+fn leave_with_parent() {
+    use std::os::unix::process::parent_id;
+    let init = 1;
+    let parent = parent_id();
+    thread::sleep(LOOK);
+    if parent == init || parent_id() != parent {
+        return;
+    }
+    while parent_id() == parent {
+        thread::sleep(LOOK);
+    }
+    signal_hook::low_level::exit(INTERRUPTED.into());
+}
+
+#[cfg(not(unix))]
+fn leave_with_parent() {}
 
 fn refuse_another(folder: &Path, found: &Manifest, stamp: &Stamp) -> Result<(), WorkerError> {
     if found.stamp.fingerprint == stamp.fingerprint {

@@ -56,7 +56,9 @@ pub fn learner(spec: &RunSpec, sink: &mut dyn RunSink) -> Result<Learner, TrainE
     let agent = agent(spec, Task::new(spec.env, spec.reward, spec.max_steps)?.spaces());
     let mut cloned = |hyperparameters: &cloning::Hyperparameters, agent: Agent, demonstration: &Demonstration| {
         let start = Pretraining { hyperparameters, agent: &agent, demonstration, seed: spec.seed };
-        sink.pretrained(&start.key(), &mut || start.train().map_err(|source| TrainError::Algo { iteration: 0, source }))
+        sink.pretrained(&start.key(), &mut |alive| {
+            start.train(alive).map_err(|source| TrainError::Algo { iteration: 0, source })
+        })
     };
     let on_policy: Box<dyn OnPolicy> = match spec.algorithm.clone() {
         Algorithm::Mcpo(h) => Box::new(Mcpo::new(h, agent, &demonstration(spec)?, spec.seed)),

@@ -15,19 +15,32 @@ use crate::{
 /// The index of the evaluation at the end of training, the same however many there were before it.
 pub const LAST: u32 = u16::MAX as u32;
 
-/// The `index`-th evaluation of the run of `seed`, after `env_steps`: `count` episodes whose initial states depend on these
-/// alone, so that all runs of a seed are evaluated on the same ones.
+/// One evaluation of a run.
+#[derive(Debug, Clone, Copy)]
+pub struct Evaluation {
+    /// The run's seed.
+    pub seed: Seed,
+    /// Counted from 0 within the run; at its end [`LAST`].
+    pub index: u32,
+    /// Environment steps of training behind the policy.
+    pub env_steps: u64,
+    /// Episodes.
+    pub count: u64,
+    /// Whether it is the one at the end of training.
+    pub last: bool,
+}
+
+/// The episodes of `evaluation`, whose initial states depend on its seed and index alone, so that all runs of a seed are
+/// evaluated on the same ones. `alive` is called after each step.
 ///
 /// Errors: the physics failed.
 pub fn evaluation(
     actor: &mut Actor<'_>,
     tasks: &mut [Task],
-    seed: Seed,
-    index: u32,
-    env_steps: u64,
-    count: u64,
-    last: bool,
+    evaluation: Evaluation,
+    alive: &mut dyn FnMut(),
 ) -> Result<Vec<EvaluationEpisode>, EnvError> {
+    let Evaluation { seed, index, env_steps, count, last } = evaluation;
     let starts = (0..count as u32).map(|episode| seed.stream(Stream::Evaluation, index << 16 | episode)).collect();
     let row = |(episode, played): (u64, Episode)| EvaluationEpisode {
         env_steps,
@@ -37,7 +50,7 @@ pub fn evaluation(
         training_return: played.training_return,
         length: played.length,
     };
-    Ok((0..).zip(episodes(actor, tasks, starts)?).map(row).collect())
+    Ok((0..).zip(episodes(actor, tasks, starts, alive)?).map(row).collect())
 }
 
 /// Who acts.
@@ -49,10 +62,16 @@ pub enum Actor<'a> {
 }
 
 /// Plays one episode for each of `starts`, the generators of their initial states, as many together as there are `tasks`.
-/// The episodes come in the order of `starts`; those of a policy do not depend on how many tasks there are.
+/// The episodes come in the order of `starts`; those of a policy do not depend on how many tasks there are. `alive` is
+/// called after each step.
 ///
 /// Errors: the physics failed.
-pub fn episodes(actor: &mut Actor<'_>, tasks: &mut [Task], starts: Vec<Rng>) -> Result<Vec<Episode>, EnvError> {
+pub fn episodes(
+    actor: &mut Actor<'_>,
+    tasks: &mut [Task],
+    starts: Vec<Rng>,
+    alive: &mut dyn FnMut(),
+) -> Result<Vec<Episode>, EnvError> {
     let spaces = tasks[0].spaces();
     let mut results = vec![Episode::default(); starts.len()];
     let mut waiting = starts.into_iter().enumerate();
@@ -69,6 +88,7 @@ pub fn episodes(actor: &mut Actor<'_>, tasks: &mut [Task], starts: Vec<Rng>) -> 
     let mut inputs = DMatrix::<f32>::zeros(spaces.observation_dim, 0);
     let mut action = vec![0.0; spaces.action_dim];
     while playing.iter().any(Option::is_some) {
+        alive();
         let active: Vec<usize> = (0..tasks.len()).filter(|&index| playing[index].is_some()).collect();
         if let Actor::MeanAction(agent) = actor {
             if inputs.ncols() != active.len() {

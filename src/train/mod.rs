@@ -89,6 +89,9 @@ pub enum Flow {
     Stop,
 }
 
+/// Trains an agent before its run, and calls what it is given now and then.
+pub type Pretrain<'a> = dyn FnMut(&mut dyn FnMut()) -> Result<Agent, TrainError> + 'a;
+
 /// Where training tells what happens.
 pub trait RunSink {
     /// An iteration ended. `checkpoint` gives the whole state when the sink wants to keep it.
@@ -100,16 +103,15 @@ pub trait RunSink {
     /// The policy after `env_steps`, to be kept: at the intervals of `checkpoint.keep_policy_every`, and at the end.
     fn policy(&mut self, env_steps: u64, last: bool, agent: &Agent) -> Result<(), SinkError>;
 
-    /// The agent that `train` gives before the first rollout. A sink that keeps such agents may give one that it has under
-    /// the same `key`, which names all that `train` depends on.
+    /// A part of something long was done that is none of the above: called often, for those who look out for a standstill.
+    fn alive(&mut self) {}
+
+    /// The agent that `train` gives before the first rollout; it calls what it is given now and then. A sink that keeps such
+    /// agents may give one that it has under the same `key`, which names all that `train` depends on.
     ///
     /// Errors: training's own, or the agent cannot be kept.
-    fn pretrained(
-        &mut self,
-        _key: &str,
-        train: &mut dyn FnMut() -> Result<Agent, TrainError>,
-    ) -> Result<Agent, TrainError> {
-        train()
+    fn pretrained(&mut self, _key: &str, train: &mut Pretrain<'_>) -> Result<Agent, TrainError> {
+        train(&mut || self.alive())
     }
 }
 

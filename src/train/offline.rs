@@ -2,7 +2,7 @@
 
 use super::{
     Ending, RunSink, TrainError, build,
-    evaluate::{self, Actor},
+    evaluate::{self, Actor, Evaluation},
 };
 use crate::{algo::Agent, plan::RunSpec, rng::Stream};
 
@@ -12,7 +12,9 @@ pub fn run(spec: &RunSpec, agent: Option<&Agent>, sink: &mut dyn RunSink) -> Res
     let mut uniform = spec.seed.stream(Stream::Action, 0);
     let mut actor = agent.map_or(Actor::Uniform(&mut uniform), Actor::MeanAction);
     let count = spec.evaluation.final_episodes.get();
-    sink.evaluation(&evaluate::evaluation(&mut actor, &mut tasks, spec.seed, evaluate::LAST, 0, count, true)?)?;
+    let due = Evaluation { seed: spec.seed, index: evaluate::LAST, env_steps: 0, count, last: true };
+    let episodes = evaluate::evaluation(&mut actor, &mut tasks, due, &mut || sink.alive())?;
+    sink.evaluation(&episodes)?;
     if let Some(agent) = agent {
         sink.policy(0, true, agent)?;
     }

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     Ending, Flow, Iteration, RunSink, TrainError, build,
-    evaluate::{self, Actor},
+    evaluate::{self, Actor, Evaluation},
     rollout::{Episode, Rollout, RolloutState},
 };
 use crate::{
@@ -94,6 +94,7 @@ impl<'a> Training<'a> {
         let began = Instant::now();
         let collected = self.rollout.collect(self.algorithm.agent_mut(), spec.rollout.steps.size() / environments)?;
         let rollout_seconds = began.elapsed().as_secs_f64();
+        sink.alive();
 
         let before = self.progress.env_steps;
         self.progress.iteration += 1;
@@ -141,8 +142,8 @@ impl<'a> Training<'a> {
         };
         let actor = &mut Actor::MeanAction(self.algorithm.agent());
         let (seed, env_steps) = (self.spec.seed, self.progress.env_steps);
-        let episodes =
-            evaluate::evaluation(actor, &mut self.evaluation_tasks, seed, index, env_steps, count.get(), last)?;
+        let due = Evaluation { seed, index, env_steps, count: count.get(), last };
+        let episodes = evaluate::evaluation(actor, &mut self.evaluation_tasks, due, &mut || sink.alive())?;
         Ok(sink.evaluation(&episodes)?)
     }
 

@@ -5,7 +5,7 @@ use std::{
     os::unix::fs::PermissionsExt,
     process::{Command, Stdio},
     thread,
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use crate::workbench::{PENDULUM, Workbench, signal, texts, wait_for};
@@ -91,6 +91,56 @@ fn a_signal_stops_cleanly_and_the_same_command_goes_on() {
     assert!(stdout.contains("1 interrupted") && stdout.contains("65,536 steps"), "{stdout}");
     bench.expect(0, &ONE);
     assert_same_run(&bench);
+}
+
+#[test]
+fn a_signal_that_was_ignored_at_the_start_stays_ignored() {
+    let bench = Workbench::new(LONG);
+    let mut nohup = Command::new("nohup");
+    nohup.arg(env!("CARGO_BIN_EXE_mcpo-run")).args(ONE).current_dir(bench.path(""));
+    let child = nohup.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("nohup starts");
+    let worker = bench.worker("disturbed", PENDULUM);
+    assert!(signal("HUP", child.id()) && signal("HUP", worker), "it was over before");
+    let (_, stderr) = texts(&child.wait_with_output().expect("it ends"), 0, &["nohup"]);
+    assert!(stderr.contains("1 of 1 runs finished"), "{stderr}");
+}
+
+#[test]
+fn a_worker_ends_with_the_program_that_did_not_wait_for_it() {
+    let bench = Workbench::new(1 << 24);
+    // One iteration takes minutes, so that a worker that finishes it first is seen.
+    let slow = ["--set", "rollout.steps=8388608", "--set", "network.hidden=[64, 64]"];
+    let mut child = bench.start(&[&ONE[..], &slow].concat());
+    let worker = bench.worker("disturbed", PENDULUM);
+    for _ in 0..2 {
+        assert!(signal("INT", child.id()), "it was over before");
+        thread::sleep(Duration::from_millis(700));
+    }
+    assert_eq!(child.wait().expect("it ends").code(), Some(130));
+    let began = Instant::now();
+    wait_for("the worker's end", || (!signal("0", worker)).then_some(()));
+    assert!(began.elapsed() < Duration::from_secs(10), "it went on for {:?}", began.elapsed());
+}
+
+#[test]
+fn a_long_evaluation_is_no_hang() {
+    let bench = Workbench::new(256);
+    let long = ["--set", "evaluation.final_episodes=40000", "--set", "network.hidden=[64, 64]", "--hang-timeout", "2"];
+    let arguments = ["tiny.toml", "--only", "env=MountainCarContinuous-v0,seed=1", "--threads", "1"];
+    let began = Instant::now();
+    bench.expect(0, &[&arguments[..], &long].concat());
+    assert!(began.elapsed() > Duration::from_secs(3), "too quick to be taken for a hang: {:?}", began.elapsed());
+}
+
+#[test]
+fn results_may_have_a_name_that_is_no_text() {
+    use std::os::unix::ffi::OsStrExt;
+    let bench = Workbench::new(256);
+    let mut program = bench.program(&["tiny.toml", "--only", "env=InvertedPendulum-v2,seed=0", "--results"]);
+    let name = std::ffi::OsStr::from_bytes(b"r\xff");
+    texts(&program.arg(name).output().expect("it starts"), 0, &["no text"]);
+    let recorded = bench.path("").join(name).join("tiny/runs").join(PENDULUM);
+    assert!(RunPaths::manifest(&recorded).exists());
 }
 
 #[test]

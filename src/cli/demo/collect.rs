@@ -174,7 +174,7 @@ fn best(runs: &[RunSpec], results: &Path, starts: u32, wanted: &Wanted) -> anyho
             let (agent, stamp) = policy::read(&path)?;
             let generator = |start| run.seed.stream(Stream::Evaluation, start);
             let generators = (0..starts).map(generator).collect();
-            let episodes = evaluate::episodes(&mut Actor::MeanAction(&agent), &mut tasks, generators)?;
+            let episodes = evaluate::episodes(&mut Actor::MeanAction(&agent), &mut tasks, generators, &mut || {})?;
             let mean_return = episodes.iter().map(|episode| episode.dense_return).sum::<f64>() / episodes.len() as f64;
             for (start, episode) in (0..).zip(&episodes) {
                 let misfit = wanted.misfit(episode.dense_return, mean_return, || {
