@@ -299,6 +299,41 @@ fn names_that_lead_outside_are_told_in_the_file() {
 }
 
 #[test]
+fn a_few_bytes_that_unfold_to_much_are_bounded() {
+    use std::io::Write;
+    let unfolds_to = |bytes: &[u8], count: usize| {
+        let mut part = bzip2::write::BzEncoder::new(Vec::new(), bzip2::Compression::best());
+        part.write_all(&bytes.repeat(count)).expect("in memory");
+        part.finish().expect("in memory")
+    };
+    // Objects without end; marks; tuples of a memo's object; a list that takes up what was put on the stack.
+    for (head, repeated) in
+        [("\u{80}\u{2}", "N"), ("\u{80}\u{2}", "("), ("\u{80}\u{2}N", "\u{85}"), ("\u{80}\u{2}]", "(NNNNNNNe")]
+    {
+        let latin1 = |text: &str| text.chars().map(|c| u32::from(c) as u8).collect::<Vec<u8>>();
+        let whole = [latin1(head), latin1(repeated).repeat((1 << 26) / repeated.len())].concat();
+        show(&unfolds_to(&whole, 1), demonstration);
+    }
+    // Zeros: twice what a file may unfold to.
+    show(&unfolds_to(&[0; 1 << 20], 256), demonstration);
+    // A truth value a byte in an archive, which becomes eight.
+    let header = "{'descr': '|b1', 'fortran_order': False, 'shape': (120000000, 1), }";
+    let mut npy = [b"\x93NUMPY\x01\x00", &(header.len() as u16).to_le_bytes()[..], header.as_bytes()].concat();
+    npy.resize(npy.len() + 120_000_000, 0);
+    let mut deflated = flate2::write::DeflateEncoder::new(Vec::new(), flate2::Compression::fast());
+    deflated.write_all(&npy).expect("in memory");
+    let deflated = deflated.finish().expect("in memory");
+    let sizes = [deflated.len() as u32, npy.len() as u32].map(u32::to_le_bytes).concat();
+    let name = b"actions.npy";
+    let common = [&[20, 0, 0, 0, 8, 0], &[0; 8][..], &sizes, &(name.len() as u16).to_le_bytes(), &[0, 0]].concat();
+    let file = [b"PK\x03\x04", &common[..], name, &deflated].concat();
+    let entry = [b"PK\x01\x02\x14\x00", &common[..], &[0; 14], name].concat();
+    let place = [entry.len() as u32, file.len() as u32].map(u32::to_le_bytes).concat();
+    let end = [b"PK\x05\x06\0\0\0\0\x01\x00\x01\x00", &place[..], &[0, 0]].concat();
+    show(&[file, entry, end].concat(), demonstration);
+}
+
+#[test]
 #[should_panic(expected = "made a reader hold")]
 fn a_reader_that_takes_too_much_would_be_found() {
     show(b"x", |_| drop(Vec::<u8>::with_capacity(MOST)));

@@ -23,7 +23,7 @@ use super::{
 use crate::env::EnvId;
 
 /// The most bytes that a compressed file may unfold to.
-const MAX_UNFOLDED: usize = 1 << 28;
+const MAX_UNFOLDED: usize = 1 << 27;
 
 /// How many names of a list that nobody bounded are told.
 const NAMES: usize = 10;

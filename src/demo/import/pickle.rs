@@ -9,9 +9,9 @@ use std::collections::HashMap;
 
 use super::{MAX_NUMBERS, MAX_UNFOLDED};
 
-/// The most instructions that are followed: some fifty a step for 300,000 steps. Each adds one object, one place on the
-/// stack or one entry of a collection at most, so this bounds them too.
-const MAX_INSTRUCTIONS: usize = 1 << 24;
+/// The most instructions that are followed: some fifty a step for 80,000 steps. Each adds one object, one place on the
+/// stack or one entry of a collection at most, so this bounds them too: to some 400 MiB.
+const MAX_INSTRUCTIONS: usize = 1 << 22;
 
 /// An object's place.
 pub(super) type Id = usize;
