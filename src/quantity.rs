@@ -16,10 +16,11 @@ pub struct OutOfRange {
 }
 
 macro_rules! bounded {
-    ($(#[$doc:meta])* $name:ident, $expected:literal, $test:expr) => {
+    ($(#[$doc:meta])* $name:ident, $expected:literal, $test:expr, $($bound:literal = $limit:literal),+) => {
         $(#[$doc])*
         #[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Serialize, Deserialize, schemars::JsonSchema)]
         #[serde(try_from = "f64", into = "f64")]
+        #[schemars(extend($($bound = $limit),+))]
         pub struct $name(f64);
 
         impl $name {
@@ -54,19 +55,19 @@ macro_rules! bounded {
 
 bounded! {
     /// A finite number above 0.
-    Positive, "a finite number above 0", |x| x.is_finite() && x > 0.0
+    Positive, "a finite number above 0", |x| x.is_finite() && x > 0.0, "exclusiveMinimum" = 0
 }
 bounded! {
     /// A finite number that is 0 or above.
-    NonNegative, "a finite number, 0 or above", |x| x.is_finite() && x >= 0.0
+    NonNegative, "a finite number, 0 or above", |x| x.is_finite() && x >= 0.0, "minimum" = 0
 }
 bounded! {
     /// A number in [0, 1].
-    UnitInterval, "a number from 0 to 1", |x| (0.0..=1.0).contains(&x)
+    UnitInterval, "a number from 0 to 1", |x| (0.0..=1.0).contains(&x), "minimum" = 0, "maximum" = 1
 }
 bounded! {
     /// A discount factor, in [0, 1).
-    Discount, "a number from 0 to below 1", |x| (0.0..1.0).contains(&x)
+    Discount, "a number from 0 to below 1", |x| (0.0..1.0).contains(&x), "minimum" = 0, "exclusiveMaximum" = 1
 }
 
 /// A whole number of things, or none.
@@ -107,6 +108,7 @@ pub type EnvSteps = Count;
 /// A whole number of things, at least one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(try_from = "i64", into = "i64")]
+#[schemars(extend("minimum" = 1))]
 pub struct Count(u64);
 
 impl Count {

@@ -5,13 +5,13 @@ use std::{path::Path, process::ExitCode};
 use clap::builder::PossibleValuesParser;
 use comfy_table::{Cell, CellAlignment};
 
-use super::{plan::table, print, selected::InvalidFiles};
+use super::{plan::table, print};
 use crate::{
     bench::{self, Measured},
     env::EnvId,
     plan::{self, RunSpec},
     schedule::progress::thousands,
-    spec::{self, Algorithm, Overrides},
+    spec::{self, Algorithm, Overrides, SpecErrors},
 };
 
 /// What to measure, and how long.
@@ -42,6 +42,15 @@ pub fn run(arguments: &BenchArguments) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// What is wrong, without the lines of a matrix file that nobody wrote.
+fn invalid(errors: SpecErrors) -> anyhow::Error {
+    let told = errors.iter().map(|error| {
+        let more = [&error.label, &error.help].into_iter().flatten().map(|more| format!("; {more}"));
+        format!("{error}{}", more.collect::<String>())
+    });
+    anyhow::anyhow!(told.collect::<Vec<_>>().join("\n"))
+}
+
 /// The run that is meant: of a matrix file that would stand in `experiments`, beside the demonstrations.
 fn spec(arguments: &BenchArguments) -> anyhow::Result<RunSpec> {
     let BenchArguments { env, algorithm, set, .. } = arguments;
@@ -50,7 +59,6 @@ fn spec(arguments: &BenchArguments) -> anyhow::Result<RunSpec> {
          [[matrix]]\nseed = [0]\nenv = ['{env}']\nalgorithm = ['{algorithm}']\n"
     );
     let overrides = Overrides { set: set.clone(), axis: Vec::new() };
-    let invalid = |errors| InvalidFiles(vec![errors]);
     let spec = spec::parse(Path::new("experiments/bench.toml"), &text, &overrides).map_err(invalid)?;
     let run = plan::plan(&spec)?.remove(0);
     spec.ready(run.demonstration.as_deref()).map_err(invalid)?;

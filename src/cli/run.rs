@@ -4,7 +4,7 @@ use std::{collections::BTreeSet, path::Path, process::ExitCode, time::Duration};
 
 use anyhow::Context;
 
-use super::{complain, plan, report, selected::Selected};
+use super::{complain, demo::counted, plan, report, selected::Selected};
 use crate::{
     plan::RunSpec,
     report::Scope,
@@ -121,8 +121,8 @@ fn greeting(planned: &[Planned], due: &[Planned], jobs: usize, seconds: f64, res
     let before = planned.len() - due.len();
     let before = if before > 0 { format!(", {before} finished before") } else { String::new() };
     format!(
-        "{experiments}: {} runs to do{before}; {} on {}; {} steps in all\n{jobs} at a time, about {}; results in {}",
-        due.len(),
+        "{experiments}: {} to do{before}; {} on {}; {} steps in all\n{jobs} at a time, about {}; results in {}",
+        counted(due.len(), "run"),
         names(|spec| spec.algorithm_name().to_owned()),
         names(|spec| spec.env.to_string()),
         thousands(steps as f64),

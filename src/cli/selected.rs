@@ -30,7 +30,7 @@ pub struct Selected {
     #[arg(long, value_name = "KEY=VALUE,...")]
     pub only: Vec<String>,
     /// The folder of all results
-    #[arg(long, value_name = "DIR", default_value = "results")]
+    #[arg(long, value_name = "DIR", default_value = "results", env = "MCPO_RESULTS")]
     pub results: PathBuf,
 }
 

@@ -95,13 +95,6 @@ impl EnvId {
         Ok(Box::new(MujocoEnvironment::new(definition)?))
     }
 
-    /// Every name that is known, Gym's and the paper's.
-    pub fn known() -> impl Iterator<Item = (&'static str, Self)> {
-        Self::ALL
-            .into_iter()
-            .flat_map(|id| std::iter::once(id.name()).chain(id.paper_name()).map(move |name| (name, id)))
-    }
-
     /// The paper's name where it is not Gym's.
     const fn paper_name(self) -> Option<&'static str> {
         match self {
@@ -109,6 +102,35 @@ impl EnvId {
             Self::InvertedPendulum => Some("Pendulum-v2"),
             Self::InvertedDoublePendulum => Some("DoublePendulum-v2"),
             _ => None,
+        }
+    }
+
+    /// Every name, Gym's and the paper's.
+    pub fn known() -> impl Iterator<Item = (&'static str, Self)> {
+        Self::ALL
+            .into_iter()
+            .flat_map(|id| std::iter::once(id.name()).chain(id.paper_name()).map(move |name| (name, id)))
+    }
+
+    /// What to say of a `name` that is not known: which one it may be, or what there is.
+    pub fn known_instead(name: &str) -> String {
+        if let Some((id, Some(version))) = Self::of_label(name)
+            && name.eq_ignore_ascii_case(&format!("{}-v{version}", id.family()))
+            && id.other_versions().contains(&version)
+        {
+            let difference = id.differs_in(version).map_or_else(
+                || format!("v{version} takes the same steps but for the last bits"),
+                |difference| format!("it is not the same: {difference}"),
+            );
+            return format!("known is `{id}`; {difference}");
+        }
+        let distance = |known: &str| strsim::damerau_levenshtein(&name.to_lowercase(), &known.to_lowercase());
+        // The version that all share is no likeness.
+        let letters = |name: &str| name.split_once("-v").map_or(name, |(family, _)| family).len();
+        let distances = Self::known().map(|(known, _)| (distance(known), known)).min();
+        match distances.filter(|(distance, known)| 3 * distance <= letters(name).max(letters(known))) {
+            Some((_, nearest)) => format!("the nearest known one is `{nearest}`"),
+            None => format!("known are {}", Self::ALL.map(|id| format!("`{id}`")).join(", ")),
         }
     }
 
@@ -128,12 +150,10 @@ impl FromStr for EnvId {
     type Err = EnvError;
 
     fn from_str(name: &str) -> Result<Self, EnvError> {
-        if let Some((_, id)) = Self::known().find(|(known, _)| *known == name) {
-            return Ok(id);
-        }
-        let unlike = |known: &str| strsim::damerau_levenshtein(&name.to_lowercase(), &known.to_lowercase());
-        let nearest = Self::known().map(|(known, _)| known).min_by_key(|known| unlike(known)).unwrap_or_default();
-        Err(EnvError::UnknownEnvironment { name: name.to_owned(), nearest: nearest.to_owned() })
+        let known = Self::known().find(|(known, _)| *known == name);
+        known
+            .map(|(_, id)| id)
+            .ok_or_else(|| EnvError::UnknownEnvironment { name: name.to_owned(), known: Self::known_instead(name) })
     }
 }
 
@@ -159,18 +179,23 @@ mod tests {
     #[test]
     fn an_unknown_name_is_refused_with_the_nearest_known_one() {
         for (name, expected) in [
-            ("HalfCheetah-v4", "HalfCheetah-v2"),
-            ("hopper-v2", "Hopper-v2"),
-            ("Walker-v2", "Walker2d-v2"),
-            ("MountainCar-v1", "MountainCar-v0"),
-            ("InvertedPendulm-v2", "InvertedPendulum-v2"),
+            ("HalfCheetah-v4", "known is `HalfCheetah-v2`; v4 takes the same steps"),
+            ("Hopper-v5", "known is `Hopper-v2`; it is not the same: v5 pays no 1"),
+            ("Ant-v4", "known is `Ant-v2`; it is not the same: v4 observes 27"),
+            ("hopper-v2", "the nearest known one is `Hopper-v2`"),
+            ("Walker-v2", "`Walker2d-v2`"),
+            ("MountainCar-v1", "`MountainCar-v0`"),
+            ("InvertedPendulm-v2", "`InvertedPendulum-v2`"),
+            ("Humanoid-v4", "known are `MountainCarContinuous-v0`, `InvertedPendulum-v2`"),
+            ("Swimmer-v2", "known are"),
+            ("", "known are"),
         ] {
-            match name.parse::<EnvId>() {
-                Err(EnvError::UnknownEnvironment { nearest, .. }) => assert_eq!(nearest, expected),
-                other => panic!("{name}: {other:?}"),
-            }
+            let message = name.parse::<EnvId>().expect_err("unknown").to_string();
+            assert!(
+                message.contains(&format!("unknown environment `{name}`; ")) && message.contains(expected),
+                "{message}"
+            );
         }
-        assert!("".parse::<EnvId>().is_err());
     }
 
     #[test]

@@ -73,12 +73,12 @@ pub struct Pose {
 #[derive(Debug, thiserror::Error)]
 pub enum EnvError {
     /// No environment has this name.
-    #[error("unknown environment `{name}`; the nearest known one is `{nearest}`")]
+    #[error("unknown environment `{name}`; {known}")]
     UnknownEnvironment {
         /// As it was given.
         name: String,
-        /// The known name that differs least.
-        nearest: String,
+        /// What is known instead.
+        known: String,
     },
     /// An action, pose or saved state does not fit the environment.
     #[error("{env}: {what} has {got} numbers; {expected} are needed")]

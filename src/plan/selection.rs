@@ -20,9 +20,23 @@ impl Selection {
 }
 
 fn same(key: &str, value: &Value, wanted: &Value) -> bool {
-    match (number(value), number(wanted)) {
-        (Some(value), Some(wanted)) => value == wanted,
-        _ => value == wanted || wanted.as_str().is_some_and(|wanted| called(key, value, wanted)),
+    equal(value, wanted) || wanted.as_str().is_some_and(|wanted| called(key, value, wanted))
+}
+
+/// Whether both are the same value, 1 and 1.0 alike, by themselves as in a list or a table.
+fn equal(one: &Value, other: &Value) -> bool {
+    match (one, other) {
+        (Value::Array(one), Value::Array(other)) => {
+            one.len() == other.len() && one.iter().zip(other).all(|(one, other)| equal(one, other))
+        }
+        (Value::Table(one), Value::Table(other)) => {
+            let has = |(key, one): (&String, &Value)| other.get(key).is_some_and(|other| equal(one, other));
+            one.len() == other.len() && one.iter().all(has)
+        }
+        _ => match (number(one), number(other)) {
+            (Some(one), Some(other)) => one == other,
+            _ => one == other,
+        },
     }
 }
 
@@ -80,6 +94,10 @@ mod tests {
             ("budget.env_steps=100_000", 12),
             ("budget.env_steps=1e5", 12),
             ("network.hidden=300x400", 12),
+            ("network.hidden=[300, 400]", 12),
+            ("network.hidden=[300,400],seed=1", 6),
+            ("mmd.bandwidth={fixed=1}", 8),
+            ("mmd.bandwidth={ fixed = 2.0 }", 0),
             ("reward=sparse2-1-milestone", 6),
         ] {
             let selection = Selection::parse(text).expect(text);

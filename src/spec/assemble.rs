@@ -28,16 +28,13 @@ pub(super) fn assemble(path: &Path, text: Option<&str>, overrides: &Overrides) -
     let (mut axes, wrong) = source::axis_lists(overrides);
     errors.extend(wrong);
 
+    let (parsed, slips): (Vec<_>, Vec<_>) = layers.iter().map(Layer::parse).unzip();
+    // What a text that is not TOML seems to say is not worth a word.
+    SpecErrors::none_or(slips.concat())?;
     let mut sources = Vec::new();
     let mut tables = Vec::new();
-    let mut slips = false;
-    for layer in &layers {
-        let (source, syntax) = layer.parse();
+    for (layer, source) in layers.iter().zip(parsed) {
         let mut checked = check(&source, &axes);
-        // What follows from a slip of syntax on the same line is not a second mistake.
-        checked.errors.retain(|error| !syntax.iter().any(|slip| slip.line().is_some() && slip.line() == error.line()));
-        slips |= !syntax.is_empty();
-        errors.extend(syntax);
         errors.extend(checked.errors);
         anchor(&mut checked.table, layer);
         tables.push(checked.table);
@@ -48,13 +45,10 @@ pub(super) fn assemble(path: &Path, text: Option<&str>, overrides: &Overrides) -
 
     let merged = layers::merge(tables);
     let (mut spec, indices) = build(merged, path, &sources, &axes, &mut errors);
-    // After a slip of syntax, what seems to be missing may be there.
-    if !slips {
-        let draft = Draft { spec: &spec, indices: &indices, sources: &sources, axes: &axes, known: &errors };
-        let findings = draft.check();
-        errors.extend(findings.errors);
-        spec.missing = findings.missing;
-    }
+    let draft = Draft { spec: &spec, indices: &indices, sources: &sources, axes: &axes, known: &errors };
+    let findings = draft.check();
+    errors.extend(findings.errors);
+    spec.missing = findings.missing;
     SpecErrors::none_or(errors)?;
     Ok(spec)
 }
@@ -126,6 +120,16 @@ fn build(
     (spec, indices)
 }
 
+/// Makes -0.0, which no parameter tells from 0.0, the 0.0 that it means.
+fn without_negative_zero(value: &mut toml::Value) {
+    match value {
+        toml::Value::Float(number) => *number += 0.0,
+        toml::Value::Array(values) => values.iter_mut().for_each(without_negative_zero),
+        toml::Value::Table(table) => table.iter_mut().for_each(|(_, value)| without_negative_zero(value)),
+        _ => {}
+    }
+}
+
 /// The elements that are what they should be; the others have their messages.
 fn list<T: DeserializeOwned>(value: Option<toml::Value>) -> Vec<T> {
     let elements = value.and_then(|value| value.as_array().cloned()).unwrap_or_default();
@@ -158,6 +162,7 @@ fn blocks(
             if let Some(axis) = axes.iter().find(|axis| axis.key == key) {
                 values = axis.values();
             }
+            values.iter_mut().for_each(without_negative_zero);
             match key.as_str() {
                 "seed" => {
                     block.seed = values.iter().filter_map(|seed| u64::try_from(seed.as_integer()?).ok()).collect()

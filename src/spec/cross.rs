@@ -236,13 +236,13 @@ fn minibatches(hyperparameters: &toml::Table) -> Vec<(String, u64)> {
     own.into_iter().chain(parts).collect()
 }
 
-/// The demonstration that a run needs and that is not there.
+/// The demonstration that a run needs and that does not exist.
 fn missing_demonstration(env: EnvId, settings: &Settings, algorithm: &Algorithm) -> Option<Conflict> {
     if !algorithm.uses_demonstration() || settings.demonstrations.is_file() {
         return None;
     }
     Some(Conflict {
-        message: format!("the demonstration {} of {env} is not there", settings.demonstrations.display()),
+        message: format!("the demonstration {} of {env} does not exist", settings.demonstrations.display()),
         label: Some(format!("needs {}", settings.demonstrations.display())),
         help: Some(format!(
             "`mcpo-run demo collect` or `demo import` writes one; `environments.\"{env}\".demonstrations` names another"

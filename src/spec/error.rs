@@ -52,6 +52,18 @@ impl SpecError {
         }
     }
 
+    /// The mistake as text alone where its line, or one beside it, is too long to be shown with a caret.
+    fn without_text(&self) -> Option<Self> {
+        const LONGEST: usize = 4000;
+        let Place::File { path, text, span } = &self.place else { return None };
+        let (before, after) = (self.before()?, text.get(span.start..).unwrap_or_default());
+        let beside = before.rsplit('\n').take(2).chain(after.split('\n').take(2));
+        let is_long = beside.into_iter().any(|line| line.len() > LONGEST);
+        let (line, column) = (self.line()?, self.column()?);
+        let place = Place::Layer(format!("{}:{line}:{column}", path.display()));
+        is_long.then(|| Self { place, ..self.clone() })
+    }
+
     /// Files first, each from top to bottom.
     pub(super) fn order(&self, other: &Self) -> Ordering {
         match (&self.place, &other.place) {
@@ -74,6 +86,9 @@ impl fmt::Display for SpecError {
     }
 }
 
+/// The most mistakes that are shown: a file with more has one that makes the others, or a person who wants to begin.
+const MOST_SHOWN: usize = 50;
+
 /// Every mistake that was found, in the order of the files; at least one.
 #[derive(Clone, PartialEq)]
 pub struct SpecErrors(Vec<SpecError>);
@@ -91,21 +106,24 @@ impl SpecErrors {
         self.0.iter()
     }
 
-    /// All of them for people, each with its line and a caret: with colours and box drawing when `terminal`, else in
-    /// plain ASCII.
+    /// The first of them for people, each with its line and a caret: with colours and box drawing when `terminal`, else in
+    /// plain ASCII. How many there are stands at the end.
     pub fn render(&self, terminal: bool) -> String {
         let theme = if terminal { GraphicalTheme::unicode() } else { GraphicalTheme::none() };
         let handler = GraphicalReportHandler::new_themed(theme).with_links(false).with_width(100);
         let mut text = String::new();
-        for (index, error) in self.0.iter().enumerate() {
-            let shown = Shown::new(error);
+        for (index, error) in self.0.iter().take(MOST_SHOWN).enumerate() {
+            let bare = error.without_text();
+            let shown = Shown::new(bare.as_ref().unwrap_or(error));
             text.push_str(if index > 0 { "\n" } else { "" });
             if handler.render_report(&mut text, &shown).is_err() {
                 text.push_str(&error.to_string());
             }
         }
         if self.0.len() > 1 {
-            text.push_str(&format!("\n{} errors\n", self.0.len()));
+            let shown =
+                if self.0.len() > MOST_SHOWN { format!(", of which {MOST_SHOWN} are shown") } else { String::new() };
+            text.push_str(&format!("\n{} errors{shown}\n", self.0.len()));
         }
         text
     }
@@ -139,13 +157,13 @@ impl std::error::Error for SpecErrors {}
 #[derive(Debug)]
 struct Shown<'a> {
     error: &'a SpecError,
-    source: Option<NamedSource<String>>,
+    source: Option<NamedSource<Arc<str>>>,
 }
 
 impl<'a> Shown<'a> {
     fn new(error: &'a SpecError) -> Self {
         let source = match &error.place {
-            Place::File { path, text, .. } => Some(NamedSource::new(path.to_string_lossy(), text.to_string())),
+            Place::File { path, text, .. } => Some(NamedSource::new(path.to_string_lossy(), Arc::clone(text))),
             Place::Layer(_) => None,
         };
         Self { error, source }

@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 use figment::{
     Figment,
     providers::{Env, Serialized},
-    value::Value,
 };
 
 use super::catalog::Catalog;
@@ -13,21 +12,18 @@ use super::catalog::Catalog;
 /// Prefix of the environment variables that set keys.
 const PREFIX: &str = "MCPO_";
 
-/// The environment variables that set keys, each with its name and the key and value that it sets, in order of names.
-pub(super) fn variables() -> BTreeMap<String, toml::Table> {
+/// Variables of the program's own, which set no key.
+const OWN: [&str; 1] = ["results"];
+
+/// The environment variables that set keys, in order of names: the variable, the parts of its key, and its text.
+pub(super) fn variables() -> BTreeMap<String, (Vec<String>, String)> {
     let provider = Env::prefixed(PREFIX).split("__");
-    let pairs = provider.iter().map(|(key, text)| {
-        let name = format!("{PREFIX}{}", key.as_str().replace('.', "__").to_uppercase());
-        // figment reads a value that is no number, boolean, list or table as a string; it never fails.
-        let value: Value = text.parse().unwrap_or_else(|_| Value::from(text.clone()));
-        let value = toml::Value::try_from(&value).unwrap_or(toml::Value::String(text));
-        let nested = key
-            .as_str()
-            .rsplit('.')
-            .fold(value, |inner, key| toml::Value::Table(toml::Table::from_iter([(key.to_owned(), inner)])));
-        (name, nested)
+    let named = provider.iter().map(|(key, text)| {
+        let key = key.as_str();
+        let name = format!("{PREFIX}{}", key.replace('.', "__").to_uppercase());
+        (name, (key.split('.').map(str::to_owned).collect::<Vec<_>>(), text))
     });
-    pairs.filter_map(|(name, nested)| Some((name, nested.as_table()?.clone()))).collect()
+    named.filter(|(_, (key, _))| !matches!(key.as_slice(), [own] if OWN.contains(&own.as_str()))).collect()
 }
 
 /// All layers in one, key by key; lists and choices are replaced whole.

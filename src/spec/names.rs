@@ -1,25 +1,38 @@
 //! The nearest known name, and serde's messages in words for people.
 
-/// The one of `known` that differs least from `name`; upper and lower case do not differ.
+/// The one of `known` that `name` was meant to be: which differs in no more than a third of its letters, upper and lower
+/// case apart.
 pub(super) fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    const LONGEST: usize = 100;
+    if name.len() > LONGEST {
+        return None;
+    }
     let name = name.to_lowercase();
-    known.into_iter().min_by_key(|known| strsim::damerau_levenshtein(&name, &known.to_lowercase()))
+    let distances = known.into_iter().map(|known| (strsim::damerau_levenshtein(&name, &known.to_lowercase()), known));
+    let (distance, nearest) = distances.min_by_key(|(distance, _)| *distance)?;
+    (3 * distance <= name.chars().count().max(nearest.chars().count())).then_some(nearest)
 }
 
 /// The most names that are listed where none is near.
-const MOST_LISTED: usize = 30;
+const MOST_LISTED: usize = 40;
 
-/// "the nearest known key is `max_kl`", where `what` is "key"; all of them where none is near and they are few.
+/// "the nearest known key is `max_kl`", where `what` is "key"; what is known where none is near.
 pub(super) fn nearest_label<'a>(what: &str, name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<String> {
-    let known: Vec<&str> = known.into_iter().collect();
-    let nearest = nearest(name, known.iter().copied())?;
-    let distance = strsim::damerau_levenshtein(&name.to_lowercase(), &nearest.to_lowercase());
-    let is_near = 3 * distance <= 2 * name.len().max(nearest.len());
-    Some(if is_near || known.len() > MOST_LISTED {
-        format!("the nearest known {what} is `{nearest}`")
-    } else {
-        format!("none is near; known are {}", list(known))
-    })
+    let mut names: Vec<&str> = Vec::new();
+    known.into_iter().for_each(|known| {
+        if !names.contains(&known) {
+            names.push(known)
+        }
+    });
+    if let Some(nearest) = nearest(name, names.iter().copied()) {
+        return Some(format!("the nearest known {what} is `{nearest}`"));
+    }
+    // `ppo.clip` is `clip` where that is known too.
+    let all = names.clone();
+    names.retain(|name| name.split_once('.').is_none_or(|(_, shared)| !all.contains(&shared)));
+    let (most, others) = names.split_at_checked(MOST_LISTED).unwrap_or((&names, &[]));
+    let more = if others.is_empty() { String::new() } else { format!(", and {} more", others.len()) };
+    (!most.is_empty()).then(|| format!("known are {}{more}", list(most.iter().copied())))
 }
 
 /// "`a`, `b` and `c`".
@@ -91,7 +104,8 @@ fn unknown_name(message: &str) -> Option<(String, Option<String>)> {
         let (wrong, known) = names.split_first()?;
         (what, *wrong, known.to_vec())
     };
-    let label = nearest_label(what, wrong, known.iter().copied());
+    // What is known stands in the message.
+    let label = nearest(wrong, known.iter().copied()).map(|nearest| format!("the nearest known {what} is `{nearest}`"));
     Some((format!("unknown {what} `{wrong}`; known are {}", list(known)), label))
 }
 
@@ -102,6 +116,8 @@ fn found_in_words(found: &str) -> String {
         Some((_, number)) => number.to_owned(),
         None if found == "map" => "a table".into(),
         None if found == "sequence" => "a list".into(),
+        None if found.ends_with(" variant") => "this choice".into(),
+        None if found == "unit value" => "nothing".into(),
         None => format!("the {found}"),
     }
 }
@@ -119,7 +135,10 @@ pub(super) fn date_in_words(date: &toml::value::Datetime) -> &'static str {
 fn type_in_words(expected: &str) -> String {
     match expected {
         "f32" | "f64" => "a number".into(),
-        "i64" | "u64" | "usize" => "a whole number".into(),
+        "i8" | "i16" | "i32" | "i64" | "u8" | "u16" | "u32" | "u64" | "usize" => "a whole number".into(),
+        "newtype variant" | "struct variant" => "a table with its fields".into(),
+        "unit variant" => "its name alone, without fields".into(),
+        "a map" | "map" => "a table".into(),
         "path string" => "a string".into(),
         "a sequence" => "a list".into(),
         other if other.starts_with("struct ") => "a table".into(),
@@ -137,16 +156,23 @@ mod tests {
         assert_eq!(nearest("PPO", ["mcpo", "ppo"]), Some("ppo"));
         assert_eq!(nearest("ppo", []), None);
         // What resembles nothing is shown what there is.
-        assert_eq!(
-            nearest_label("key", "clip", ["d", "damping"]).as_deref(),
-            Some("none is near; known are `d` and `damping`")
-        );
+        assert_eq!(nearest_label("key", "clip", ["d", "damping"]).as_deref(), Some("known are `d` and `damping`"));
+        for (name, known) in [("sac", "bc"), ("lr", "d"), ("zip", "clip"), ("Humanoid-v4", "Ant-v2"), ("", "d")] {
+            assert_eq!(nearest(name, [known]), None, "{name}");
+        }
+        for (name, known) in [("pp", "ppo"), ("sed", "seed"), ("bugdet", "budget"), ("rewards", "reward")] {
+            assert_eq!(nearest(name, [known]), Some(known), "{name}");
+        }
+        let twice = nearest_label("axis", "zzz", ["seed", "env", "seed", "env"]);
+        assert_eq!(twice.as_deref(), Some("known are `seed` and `env`"));
     }
 
     #[test]
     fn messages_of_serde_become_plain() {
-        let (message, label) = plain("unknown variant `demos`, expected `demo_states` or `rollout`");
-        assert_eq!(message, "unknown name `demos`; known are `demo_states` and `rollout`");
+        let (_, label) = plain("unknown variant `demos`, expected `demo_states` or `rollout`");
+        assert_eq!(label, None);
+        let (message, label) = plain("unknown variant `demo_state`, expected `demo_states` or `rollout`");
+        assert_eq!(message, "unknown name `demo_state`; known are `demo_states` and `rollout`");
         assert_eq!(label.as_deref(), Some("the nearest known name is `demo_states`"));
         let (message, label) = plain("invalid type: floating point `2.5`, expected i64");
         assert_eq!(message, "2.5 does not belong here");

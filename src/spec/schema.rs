@@ -1,10 +1,14 @@
 //! The JSON Schema of a matrix file, for editors.
 
+use std::sync::LazyLock;
+
 use serde_json::{Map, Value, json};
 
 use super::{
     Algorithm, Parameter,
     catalog::{Catalog, Section},
+    check::BLOCK_KEYS,
+    figure,
 };
 use crate::env::EnvId;
 
@@ -23,9 +27,8 @@ pub fn schema() -> Value {
     let mut environment = settings.clone();
     environment.insert("algorithms".into(), algorithms.clone());
     let environment = object("Settings and hyperparameters for one environment alone", environment);
-    let environments = EnvId::ALL.iter().map(|env| (env.name().to_owned(), environment.clone())).collect();
-    let mut environments = object("Settings by the environment's name, Gym's or the paper's", environments);
-    environments["additionalProperties"] = environment;
+    let environments = EnvId::known().map(|(name, _)| (name.to_owned(), environment.clone())).collect();
+    let environments = object("Settings by the environment's name, Gym's or the paper's", environments);
 
     let mut file = settings;
     let text = |description: &str| json!({ "type": "string", "description": description });
@@ -42,7 +45,17 @@ pub fn schema() -> Value {
         [("figures", "Learning curves", &catalog.figure), ("tables", "Tables of returns", &catalog.table)]
     {
         let mut element = section.schema(&[]).cloned().unwrap_or_default();
-        element["properties"]["name"] = name("File name without extension");
+        let fields = &mut element["properties"];
+        fields["name"] = name("File name without extension");
+        for (field, names) in
+            [("y", figure::columns()), ("reference", figure::REFERENCES.to_vec()), ("columns", dimensions())]
+        {
+            fields.get_mut(field).into_iter().for_each(|schema| one_of(schema, &names));
+        }
+        for field in ["series", "rows"] {
+            let items = fields.get_mut(field).and_then(|list| list.get_mut("items"));
+            items.into_iter().for_each(|schema| one_of(schema, &dimensions()));
+        }
         file.insert(key.into(), list(what, element));
     }
     let mut schema = object("An experiment of mcpo-run", file);
@@ -55,12 +68,10 @@ pub fn schema() -> Value {
 /// A block of the matrix: a list for every parameter.
 fn block() -> Value {
     let values = |description: &str, items: Value| json!({ "type": "array", "minItems": 1, "uniqueItems": true, "description": description, "items": items });
-    let environments = EnvId::ALL.map(EnvId::name);
+    let environments: Vec<&str> = EnvId::known().map(|(name, _)| name).collect();
     let mut keys = Map::new();
-    keys.insert("seed".into(), values("Seeds", json!({ "type": "integer", "minimum": 0 })));
-    // Any string: the paper's names are known too.
-    let env = json!({ "anyOf": [{ "enum": environments }, { "type": "string" }] });
-    keys.insert("env".into(), values("Environments", env));
+    keys.insert("seed".into(), values("Seeds", json!({ "type": "integer", "minimum": 0, "maximum": i64::MAX })));
+    keys.insert("env".into(), values("Environments", json!({ "enum": environments })));
     let algorithms: Vec<&str> = Algorithm::names().collect();
     keys.insert("algorithm".into(), values("Algorithms", json!({ "enum": algorithms })));
     for name in Parameter::names() {
@@ -82,6 +93,22 @@ fn value(name: &str) -> Option<Value> {
     match &parameter {
         Parameter::Setting(key) => of(&catalog.settings, key),
         _ => catalog.algorithms().find_map(|(algorithm, section)| of(section, parameter.hyperparameter_of(algorithm)?)),
+    }
+}
+
+/// What runs can be told apart by.
+fn dimensions() -> Vec<&'static str> {
+    static NAMES: LazyLock<Vec<String>> = LazyLock::new(Parameter::names);
+    BLOCK_KEYS.into_iter().chain(NAMES.iter().map(String::as_str)).collect()
+}
+
+/// Lets `schema`, of a text, have these values alone.
+fn one_of(schema: &mut Value, names: &[&str]) {
+    if let Some(fields) = schema.as_object_mut() {
+        let may_be_absent = fields["type"].is_array();
+        let names = names.iter().map(|name| json!(name)).chain(may_be_absent.then_some(Value::Null));
+        fields.insert("enum".into(), names.collect());
+        fields.remove("type");
     }
 }
 

@@ -1,6 +1,11 @@
 //! Which runs are meant: `env=Hopper-v2,algorithm=mcpo,d=0.001`.
 
-use super::{Algorithm, Parameter, check::BLOCK_KEYS, names::nearest};
+use super::{
+    Algorithm, Parameter,
+    check::BLOCK_KEYS,
+    names::nearest_label,
+    source::{pieces, value as parsed},
+};
 use crate::env::EnvId;
 
 /// Runs by the values of their axes and parameters. Different keys must all match; of one key given twice, one value.
@@ -17,22 +22,22 @@ pub enum SelectionError {
     #[error("`{0}` is not of the form KEY=VALUE")]
     Form(String),
     /// No run has such a key.
-    #[error("unknown key `{key}` in a selection; the nearest known one is `{nearest}`")]
+    #[error("unknown key `{key}` in a selection; {known}")]
     Key {
         /// As it was given.
         key: String,
-        /// The known key that differs least.
-        nearest: String,
+        /// What is known instead.
+        known: String,
     },
     /// There is no such environment or algorithm.
-    #[error("unknown {key} `{value}` in a selection; the nearest known one is `{nearest}`")]
+    #[error("unknown {key} `{value}` in a selection; {known}")]
     Value {
         /// `env` or `algorithm`.
         key: String,
         /// As it was given.
         value: String,
-        /// The known name that differs least.
-        nearest: String,
+        /// What is known instead.
+        known: String,
     },
 }
 
@@ -42,7 +47,7 @@ impl Selection {
     /// Errors: a piece has another form, or names a key, environment or algorithm that does not exist.
     pub fn parse(text: &str) -> Result<Self, SelectionError> {
         let mut wanted: Vec<(String, Vec<toml::Value>)> = Vec::new();
-        for piece in text.split(',').map(str::trim) {
+        for piece in pieces(text) {
             let (key, value) = piece.split_once('=').ok_or_else(|| SelectionError::Form(piece.into()))?;
             let (key, value) = (key.trim().trim_matches('"'), value.trim());
             let value = meaning(key, value)?;
@@ -57,24 +62,24 @@ impl Selection {
 
 /// What `value` means for `key`.
 fn meaning(key: &str, value: &str) -> Result<toml::Value, SelectionError> {
-    let unknown = |nearest: String| SelectionError::Value { key: key.into(), value: value.into(), nearest };
+    let unknown = |known: String| SelectionError::Value { key: key.into(), value: value.into(), known };
     let text = match key {
         "env" => {
-            let known = EnvId::ALL.map(EnvId::name);
-            let env: EnvId = value.parse().map_err(|_| unknown(nearest(value, known).unwrap_or_default().into()))?;
+            let env: EnvId = value.parse().map_err(|_| unknown(EnvId::known_instead(value)))?;
             env.name().to_owned()
         }
         "algorithm" if Algorithm::names().any(|name| name == value) => value.to_owned(),
-        "algorithm" => return Err(unknown(nearest(value, Algorithm::names()).unwrap_or_default().into())),
+        "algorithm" => {
+            return Err(unknown(nearest_label("one", value, Algorithm::names()).unwrap_or_default()));
+        }
         _ if key == "seed" || Parameter::find(key).is_some() => {
-            let number = value.replace('_', "").parse().map(toml::Value::Float);
-            return Ok(number.or_else(|_| value.parse()).unwrap_or_else(|_| toml::Value::String(value.into())));
+            return Ok(parsed(value));
         }
         _ => {
             let names = Parameter::names();
             let known = BLOCK_KEYS.into_iter().chain(names.iter().map(String::as_str));
-            let nearest = nearest(key, known).unwrap_or_default().to_owned();
-            return Err(SelectionError::Key { key: key.into(), nearest });
+            let known = nearest_label("one", key, known).unwrap_or_default();
+            return Err(SelectionError::Key { key: key.into(), known });
         }
     };
     Ok(toml::Value::String(text))

@@ -24,6 +24,13 @@ use crate::env::EnvId;
 /// No matrix that a person wrote is longer, bytes.
 const LONGEST: u64 = 4 << 20;
 
+/// What stands in toml's messages of slips that others follow, up to the end of a list, an inline table or a text.
+const CONTAINERS: [&str; 7] =
+    ["array element", "in array", "unclosed array", "inline table", "key-value pair", "multi-line", "the list above"];
+
+/// What toml says of a block's header without end, which is a slip of one line.
+const HEADER: &str = "unclosed array table";
+
 /// The text of one layer.
 pub(super) struct Layer {
     /// The file; `None` for a variable or an argument.
@@ -59,21 +66,44 @@ impl Layer {
 
     /// What it says, and every mistake of syntax in it.
     pub(super) fn parse(&self) -> (Source<'_>, Vec<SpecError>) {
-        let (tree, errors) = DeTable::parse_recoverable(&self.text);
-        let errors = errors.into_iter().map(|error| {
+        let (tree, mut errors) = DeTable::parse_recoverable(&self.text);
+        let mut told: Vec<SpecError> = Vec::new();
+        let mut open = false;
+        errors.sort_by_key(|error| error.span().map_or(0, |span| span.start));
+        for error in errors {
             let span = error.span().unwrap_or(0..0);
+            let starts_line = self
+                .text
+                .get(..span.start)
+                .unwrap_or_default()
+                .rsplit('\n')
+                .next()
+                .is_some_and(|before| before.trim().is_empty());
+            let is_assigned = self.text.get(span.end..).unwrap_or_default().trim_start().starts_with('=');
+            let is_key = |message: &str| is_assigned && message.starts_with("string values must be quoted");
             let (message, label) = match error.message().split_once(", expected ") {
                 // What toml says of `key =` with nothing behind it.
                 Some(_) if span.is_empty() && error.message().starts_with("string values must be quoted") => {
                     ("a value is missing".to_owned(), Some("expected a value".to_owned()))
                 }
+                // The next key, taken for one more element.
+                Some((message, _))
+                    if starts_line && (message.starts_with("missing comma between array") || is_key(message)) =>
+                {
+                    ("the list above does not end".to_owned(), Some("expected `]` before this line, or `,`".to_owned()))
+                }
                 Some((message, expected)) => (message.to_owned(), Some(format!("expected {expected}"))),
                 None => (error.message().to_owned(), None),
             };
-            SpecError { message, place: self.place(span), label, help: None }
-        });
-        let errors = errors.collect();
-        (Source { layer: self, tree }, errors)
+            let error = SpecError { message, place: self.place(span), label, help: None };
+            // What follows a slip on its line, or a list, table or text that does not end, follows from it.
+            if open || told.last().is_some_and(|last| last.line() == error.line()) {
+                continue;
+            }
+            open = error.message != HEADER && CONTAINERS.iter().any(|container| error.message.contains(container));
+            told.push(error);
+        }
+        (Source { layer: self, tree }, told)
     }
 }
 
@@ -195,35 +225,102 @@ fn read(path: &Path) -> Result<String, String> {
     })
 }
 
+/// No key has more parts.
+const DEEPEST: usize = 8;
+
 /// The layers stronger than any file: environment variables, then `--set`.
 pub(super) fn overriding(overrides: &Overrides, variables: bool) -> (Vec<Layer>, Vec<SpecError>) {
     let mut layers = Vec::new();
     let mut errors = Vec::new();
+    let mut refuse = |name: &str, message: String, label: &str| {
+        errors.push(SpecError { message, place: Place::Layer(name.into()), label: Some(label.into()), help: None });
+    };
     if variables {
-        for (name, table) in layers::variables() {
-            layers.push(Layer::other(format!("environment variable {name}"), &table.to_string()));
+        for (name, (key, text)) in layers::variables() {
+            let name = format!("environment variable {name}");
+            if key.len() > DEEPEST {
+                refuse(&name, format!("a key of {} parts", key.len()), "no key has so many");
+                continue;
+            }
+            let key: Vec<String> = key.iter().map(|part| quoted(part)).collect();
+            layers.push(Layer::other(name, &assigned(&key.join("."), &text)));
         }
     }
+    let mut set: Vec<(String, Vec<String>)> = Vec::new();
     for argument in &overrides.set {
         let name = format!("--set {argument}");
-        match assignment(argument) {
-            Some(text) => layers.push(Layer::other(name, &text)),
-            None => errors.push(SpecError {
-                message: "not of the form KEY=VALUE".into(),
-                place: Place::Layer(name),
-                label: Some("such as `budget.env_steps=100000`".into()),
-                help: None,
-            }),
+        let text = argument.split_once('=').map(|(key, value)| assigned(key.trim(), value));
+        let text = text.unwrap_or_default();
+        let keys = DeTable::parse(&text).map(|table| leaves(table.get_ref())).unwrap_or_default();
+        if keys.is_empty() {
+            refuse(&name, "not of the form KEY=VALUE".into(), "such as `budget.env_steps=100000`");
+            continue;
         }
+        match set
+            .iter()
+            .find_map(|(before, known)| keys.iter().find(|key| known.contains(key)).map(|key| (before, key)))
+        {
+            Some((before, key)) => {
+                refuse(&name, format!("`{key}` is set twice"), &format!("the first is `--set {before}`"))
+            }
+            None => layers.push(Layer::other(name, &text)),
+        }
+        set.push((argument.clone(), keys));
     }
     (layers, errors)
 }
 
-/// `argument` (`KEY=VALUE`) as a line of TOML; a value that is none in TOML is a string.
-fn assignment(argument: &str) -> Option<String> {
-    let (key, value) = argument.split_once('=')?;
-    let text = |value: &str| format!("{} = {value}", key.trim());
-    [text(value.trim()), text(&quoted(value))].into_iter().find(|text| DeTable::parse(text).is_ok())
+/// The dotted keys of all values in `table`.
+fn leaves(table: &DeTable<'_>) -> Vec<String> {
+    let mut keys = Vec::new();
+    for (key, value) in table {
+        match value.get_ref() {
+            DeValue::Table(inner) if !inner.is_empty() => {
+                keys.extend(leaves(inner).into_iter().map(|inner| format!("{}.{inner}", key.get_ref())));
+            }
+            _ => keys.push(key.get_ref().to_string()),
+        }
+    }
+    keys
+}
+
+/// `key = value` as a line of TOML. What is not valid as a value there is a string: so values are read alike in a file, an
+/// argument and a variable.
+fn assigned(key: &str, value: &str) -> String {
+    format!("{key} = {}", as_value(value))
+}
+
+/// `text` as TOML wants a value: as it is, or as a string.
+fn as_value(text: &str) -> String {
+    let text = text.trim();
+    if DeValue::parse(text).is_ok() { text.to_owned() } else { quoted(text) }
+}
+
+/// The pieces of `text` between its commas, but for those within brackets, braces and quotation marks.
+pub(super) fn pieces(text: &str) -> Vec<&str> {
+    let (mut pieces, mut start, mut depth, mut quote) = (Vec::new(), 0, 0usize, None);
+    for (at, c) in text.char_indices() {
+        match (c, quote) {
+            ('"' | '\'', None) => quote = Some(c),
+            (_, Some(open)) => quote = quote.filter(|_| c != open),
+            ('[' | '{', None) => depth += 1,
+            (']' | '}', None) => depth = depth.saturating_sub(1),
+            (',', None) if depth == 0 => {
+                pieces.push(text[start..at].trim());
+                start = at + 1;
+            }
+            _ => {}
+        }
+    }
+    pieces.push(text[start..].trim());
+    pieces
+}
+
+/// What `text` means as a value: TOML's, or else a string.
+pub(super) fn value(text: &str) -> toml::Value {
+    let text = text.trim();
+    let parsed = DeValue::parse(text).ok().and_then(|value| plain_value(&value));
+    parsed.unwrap_or_else(|| toml::Value::String(text.into()))
 }
 
 /// The list that replaces one axis in every block.
@@ -241,6 +338,12 @@ pub(super) fn axis_lists(overrides: &Overrides) -> (Vec<AxisList>, Vec<SpecError
     for argument in &overrides.axis {
         let name = format!("--axis {argument}");
         match argument.split_once('=').map(|(key, values)| (key.trim().trim_matches('"'), values)) {
+            Some((key, _)) if lists.iter().any(|list: &AxisList| list.key == key) => errors.push(SpecError {
+                message: format!("the axis `{key}` is given twice"),
+                place: Place::Layer(name),
+                label: Some(format!("write all of its values in one `--axis {key}=VALUE,VALUE...`")),
+                help: None,
+            }),
             Some((key, values)) if !key.is_empty() => {
                 let text = format!("{} = {}", quoted(key), list(values));
                 lists.push(AxisList { key: key.into(), layer: Layer::other(name, &text) });
@@ -262,11 +365,8 @@ fn list(values: &str) -> String {
     if DeValue::parse(&whole).is_ok() {
         return whole;
     }
-    let each = values.split(',').map(str::trim).map(|value| match DeValue::parse(value) {
-        Ok(_) => value.to_owned(),
-        Err(_) => quoted(value),
-    });
-    format!("[{}]", each.collect::<Vec<_>>().join(", "))
+    let each: Vec<String> = pieces(values).into_iter().map(as_value).collect();
+    format!("[{}]", each.join(", "))
 }
 
 /// `text` as a string in TOML.

@@ -57,6 +57,36 @@ fn mistakes_on_the_command_line_name_the_argument() {
 }
 
 #[test]
+fn a_key_or_an_axis_given_twice_is_told() {
+    let told = refused(&[], &["seed=0", "seed=7"]);
+    assert_eq!(told.len(), 1, "{told:?}");
+    assert!(told[0].0 == "--axis seed=7" && told[0].1.contains("the axis `seed` is given twice"), "{told:?}");
+    for (one, other, key) in [
+        ("budget.env_steps=20480", "budget.env_steps=30720", "budget.env_steps"),
+        ("rollout={steps=2048}", "rollout.steps=4096", "rollout.steps"),
+    ] {
+        let told = refused(&[one, other], &[]);
+        assert_eq!(told.len(), 1, "{told:?}");
+        assert_eq!(told[0].0, format!("--set {other}"));
+        assert_eq!(told[0].1, format!("`{key}` is set twice / the first is `--set {one}`"));
+    }
+    assert_eq!(runs("", &["rollout.steps=2048", "rollout.environments=4"], &["seed=0", "env=Ant-v2"]).len(), 2);
+}
+
+#[test]
+fn what_is_no_second_value_is_one_run() {
+    assert_eq!(runs("epsilon = [-0.0]\n", &[], &[]).len(), 8);
+    assert_eq!(runs("epsilon = [-0.0]\n", &[], &[])[0].id, runs("epsilon = [0.0]\n", &[], &[])[0].id);
+    let second = "\n[[matrix]]\nseed = [0, 1]\nenv = [\"Hopper-v2\"]\nalgorithm = [\"mcpo\"]\nepsilon = [0.0]\n";
+    assert_eq!(runs(&format!("epsilon = [-0.0]\n{second}"), &[], &[]).len(), 8);
+    for list in ["epsilon = [0.0, -0.0]", "epsilon = [0, 0.0]", "\"mmd.bandwidth\" = [{ fixed = 1 }, { fixed = 1.0 }]"]
+    {
+        let errors = super::parse(&format!("{LEAST}{list}\n")).expect_err(list).to_string();
+        assert!(errors.contains("twice"), "{errors}");
+    }
+}
+
+#[test]
 fn an_axis_argument_replaces_the_list_in_every_block() {
     let second = "\n[[matrix]]\nseed = [5]\nenv = [\"Walker2d-v2\"]\nalgorithm = [\"mcpo\"]\nd = [0.1, 0.2]\n";
     assert_eq!(runs(second, &[], &[]).len(), 8 + 2);
@@ -117,8 +147,8 @@ fn a_missing_demonstration_is_told_before_runs_start_and_not_before() {
     assert_eq!(
         told,
         [
-            (Some(7), "the demonstration demos/Ant-v2.parquet of Ant-v2 is not there"),
-            (Some(11), "the demonstration nowhere.parquet of Hopper-v2 is not there"),
+            (Some(7), "the demonstration demos/Ant-v2.parquet of Ant-v2 does not exist"),
+            (Some(11), "the demonstration nowhere.parquet of Hopper-v2 does not exist"),
         ]
     );
     assert_eq!(spec.ready([Path::new("nowhere.parquet")]).expect_err("one of them").iter().count(), 1);
@@ -142,6 +172,14 @@ fn environment_variables_win_over_the_file_and_lose_to_arguments() {
     under(("MCPO_BUDGET__ENV_STEPS", "-3"), "with_a_negative_budget");
     under(("MCPO_BUGDET__ENV_STEPS", "3"), "with_an_unknown_key");
     under(("MCPO_ALGORITHMS__MCPO__MMD__SAMPLES", "rollout"), "with_a_name");
+    under(("MCPO_BUDGET__ENV_STEPS", "50_000"), "with_a_budget");
+    under(("MCPO_ALGORITHMS__PPO__CLIP", "1e-1"), "with_an_exponent");
+    for no_number in [".001", "02048", "1,000", "[[[[", "1\nname = 'x'"] {
+        under(("MCPO_BUDGET__ENV_STEPS", no_number), "with_no_number");
+    }
+    under(("MCPO_RESULTS", "elsewhere"), "with_the_folder_of_results");
+    under(("MCPO_NETWORK__HIDDEN", &"[".repeat(100_000)), "with_something_deep");
+    under((&format!("MCPO_{}X", "A__".repeat(30_000)), "1"), "with_something_deep");
 }
 
 const SMOKE: &str = "experiments/smoke.toml";
@@ -155,6 +193,40 @@ fn with_a_budget() {
     };
     assert!(budgets(vec![]).all(|steps| steps == 50_000));
     assert!(budgets(vec!["budget.env_steps=60000".into()]).all(|steps| steps == 60_000));
+}
+
+#[test]
+#[ignore = "needs a variable, which another test sets"]
+fn with_an_exponent() {
+    let spec = spec::load(Path::new(SMOKE), &Overrides::default()).expect("valid");
+    let runs = mcpo_run::plan::plan(&spec).expect("a plan");
+    assert!(runs.iter().any(|run| run.value("ppo.clip") == Some(toml::Value::Float(0.1))));
+}
+
+#[test]
+#[ignore = "needs a variable, which another test sets"]
+fn with_no_number() {
+    let variable = env::var("MCPO_BUDGET__ENV_STEPS").expect("it is set");
+    let errors = spec::load(Path::new(SMOKE), &Overrides::default()).expect_err("a mistake");
+    let set = vec![format!("budget.env_steps={variable}")];
+    let text = fs::read_to_string(SMOKE).expect("readable");
+    let same = spec::parse(Path::new(SMOKE), &text, &Overrides { set, axis: vec![] }).expect_err("a mistake");
+    let told = |errors: &spec::SpecErrors| errors.iter().map(|error| error.message.clone()).collect::<Vec<_>>();
+    assert_eq!(told(&errors), told(&same), "a variable and an argument are read alike");
+    let refused = ["does not belong here", "out of range"];
+    assert!(told(&errors).iter().all(|message| refused.iter().any(|words| message.contains(words))), "{errors}");
+}
+
+#[test]
+#[ignore = "needs a variable, which another test sets"]
+fn with_the_folder_of_results() {
+    spec::load(Path::new(SMOKE), &Overrides::default()).expect("it is no key of a matrix");
+}
+
+#[test]
+#[ignore = "needs a variable, which another test sets"]
+fn with_something_deep() {
+    spec::load(Path::new(SMOKE), &Overrides::default()).expect_err("refused, and no end of the stack");
 }
 
 #[test]

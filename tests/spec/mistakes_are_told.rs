@@ -1,6 +1,6 @@
 //! Every file of `mistakes/` is refused, with all of its mistakes at their line and column.
 
-use std::{fs, path::Path, process::Command};
+use std::{fs, path::Path, process::Command, time::Duration};
 
 use mcpo_run::spec::{self, Overrides, Place, SpecErrors};
 use proptest::prelude::*;
@@ -8,15 +8,20 @@ use proptest::prelude::*;
 use super::{LEAST, parse};
 
 /// Line, column, a piece of the message, and a piece of what stands at the caret.
-type Told = (usize, usize, &'static str, &'static str);
+pub type Told = (usize, usize, &'static str, &'static str);
 
-const MISTAKES: &[(&str, &[Told])] = &[
+pub const MISTAKES: &[(&str, &[Told])] = &[
     ("algorithm_that_is_a_number", &[(9, 14, "an algorithm cannot be a whole number", "expected its name")]),
     ("axis_given_twice", &[(11, 1, "the axes `d` and `mcpo.d` are the same", "")]),
     ("axis_that_is_no_list", &[(10, 5, "the axis `d` cannot be", "expected a list")]),
     (
         "axis_that_no_algorithm_has",
-        &[(10, 1, "no algorithm of this block has `d`: it runs `ppo`", "nearest known axis")],
+        &[(
+            10,
+            1,
+            "no algorithm of this block has `d`: it runs `ppo`",
+            "`checkpoint.every_seconds`, `checkpoint.keep_policy_every`, `clip`, `demonstrations`, `discount`",
+        )],
     ),
     ("axis_value_of_wrong_type", &[(10, 12, "\"small\"", "expected a number")]),
     ("axis_value_out_of_range", &[(10, 12, "0 is out of range", "above 0")]),
@@ -49,8 +54,8 @@ const MISTAKES: &[(&str, &[Told])] = &[
     ),
     ("figure_with_an_unknown_key", &[(16, 1, "unknown key `logy`", "`log_y`")]),
     ("figure_without_y", &[(11, 1, "this figure has no `y`", "")]),
-    ("hidden_name", &[(1, 8, "`.broken` cannot name a file", "the first no `.`")]),
-    ("key_of_another_algorithm", &[(12, 1, "unknown key `clip` of `mcpo`", "none is near; known are")]),
+    ("hidden_name", &[(1, 8, "`.broken` cannot name a file", "not starting with `.`")]),
+    ("key_of_another_algorithm", &[(12, 1, "unknown key `clip` of `mcpo`", "known are `")]),
     ("list_for_a_table", &[(3, 1, "`budget` cannot be a list", "")]),
     (
         "many_mistakes",
@@ -67,6 +72,8 @@ const MISTAKES: &[(&str, &[Told])] = &[
     ),
     ("matrix_that_is_a_table", &[(6, 1, "`matrix` cannot be a table", "each headed `[[matrix]]`")]),
     ("minibatch_above_the_rollout", &[(12, 9, "minibatch 1024 is larger than the rollout", "no larger")]),
+    ("missing_bracket", &[(8, 1, "the list above does not end", "`]` before this line")]),
+    ("missing_bracket_after_a_comma", &[(8, 1, "the list above does not end", "`]` before this line")]),
     ("missing_budget", &[(1, 1, "no budget.env_steps for Hopper-v2", "`[budget]`")]),
     ("missing_matrix", &[(1, 1, "`matrix` is missing", "`[[matrix]]`")]),
     ("missing_name", &[(1, 1, "`name` is missing", "`name = \"...\"`")]),
@@ -91,6 +98,7 @@ const MISTAKES: &[(&str, &[Told])] = &[
     ("table_name_that_leads_outside", &[(12, 11, "`a/b` cannot name a file", "expected letters")]),
     ("table_with_an_unknown_reference", &[(16, 13, "unknown reference `tabel5`", "`table5`")]),
     ("two_figures_of_one_name", &[(18, 10, "two figures are called `figure`", "")]),
+    ("two_slips", &[(4, 8, "unclosed table", "expected `]`"), (14, 10, "a value is missing", "expected a value")]),
     ("unknown_algorithm", &[(9, 14, "unknown algorithm `mcp`", "`mcpo`")]),
     ("unknown_algorithm_table", &[(11, 13, "unknown algorithm `pppo`", "`ppo`")]),
     ("unknown_block_key", &[(10, 1, "unknown axis `sed`", "`seed`")]),
@@ -206,6 +214,53 @@ fn the_plain_rendering_shows_file_line_text_and_caret() {
     let errors = refused("unknown_hyperparameter");
     assert_eq!(errors.render(false), expected);
     assert!(errors.render(true).contains("╰──"), "a terminal gets box drawing");
+}
+
+/// The time that this thread has had of a processor, whatever else the machine does; on systems that do not tell it, none.
+fn processor_time() -> Duration {
+    let told = fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
+    let nanoseconds = told.split_whitespace().next().and_then(|first| first.parse().ok());
+    Duration::from_nanos(nanoseconds.unwrap_or(0))
+}
+
+#[test]
+fn the_number_of_mistakes_or_entries_does_not_slow_the_answer() {
+    let many = |line: fn(usize) -> String| (0..10_000).map(line).collect::<String>();
+    let texts = [
+        format!("{}{LEAST}", many(|n| format!("unknown_{n} = {n}\n"))),
+        format!("{LEAST}{}", many(|n| format!("axis_{n} = [{n}]\n"))),
+        format!("{LEAST}[algorithms.mcpo]\n{}", many(|n| format!("key_{n} = {n}\n"))),
+        format!("{LEAST}d = [{}]\n", many(|n| format!("-{n}, "))),
+        format!("{LEAST}d = [{}\n{}", "0.5, ", many(|n| format!("key_{n} = {n}\n"))),
+        LEAST.replace("[0, 1]", &format!("[{}]", (0..100_000).map(|n| format!("{}, ", n / 2)).collect::<String>())),
+    ];
+    for text in texts {
+        let began = processor_time();
+        let errors = parse(&text).expect_err("many mistakes");
+        let shown = errors.render(true);
+        // A square took half a minute.
+        let took = processor_time() - began;
+        assert!(took < Duration::from_secs(2), "{took:?} for {}", &text[..80]);
+        assert!(shown.len() < 100_000, "{} bytes", shown.len());
+        assert!(errors.iter().count() <= 50 || shown.contains("errors, of which 50 are shown"), "{shown}");
+    }
+    let began = processor_time();
+    let seeds: String = (0..50_000).map(|n| format!("{n}, ")).collect();
+    let text = LEAST.replace("[0, 1]", &format!("[{seeds}]")).replace("\"mcpo\", ", "").replace(", \"Ant-v2\"", "");
+    assert_eq!(parse(&text).expect("nothing is wrong").named_runs(), 50_000);
+    let took = processor_time() - began;
+    assert!(took < Duration::from_secs(2), "{took:?}");
+}
+
+#[test]
+fn a_mistake_far_out_in_a_line_is_told_without_its_text() {
+    let text = LEAST.replace("name = \"least\"", &format!("name = \"least\"{}# \u{e9}", " ".repeat(70_000)));
+    let text = text.replace("budget.env_steps = 100_000", &format!("{}budget.env_steps = -1", " ".repeat(70_000)));
+    for terminal in [false, true] {
+        let shown = parse(&text).expect_err("a negative budget").render(terminal);
+        assert!(shown.contains("test.toml:3:70020: `budget.env_steps`: -1 is out of range"), "{shown}");
+        assert!(shown.contains("1 or above") && shown.len() < 500, "{shown}");
+    }
 }
 
 #[test]

@@ -126,3 +126,119 @@ fn known(schema: &Value, value: &toml::Value, path: &str) {
         _ => {}
     }
 }
+
+/// Why `value` is not what `schema` allows, by the keywords that the schema uses; any other is an error of the test.
+fn flaw(schema: &Value, value: &Value) -> Option<String> {
+    const ANNOTATIONS: [&str; 7] =
+        ["description", "title", "default", "$schema", "format", "items", "additionalProperties"];
+    let fields = schema.as_object()?;
+    let is = |kind: &str| match kind {
+        "object" => value.is_object(),
+        "array" => value.is_array(),
+        "string" => value.is_string(),
+        "boolean" => value.is_boolean(),
+        "null" => value.is_null(),
+        "number" => value.is_number(),
+        "integer" => value.is_i64() || value.is_u64(),
+        other => panic!("the type {other}"),
+    };
+    let names = |list: &Value| {
+        list.as_array().into_iter().flatten().filter_map(Value::as_str).map(str::to_owned).collect::<Vec<_>>()
+    };
+    fields
+        .iter()
+        .find_map(|(keyword, rule)| {
+            let number = value.as_f64().zip(rule.as_f64());
+            let broken = match keyword.as_str() {
+                "type" => !rule.as_str().map_or_else(|| names(rule).iter().any(|kind| is(kind)), is),
+                "enum" => !rule.as_array()?.contains(value),
+                "const" => rule != value,
+                "minimum" => number.is_some_and(|(value, limit)| value < limit),
+                "maximum" => number.is_some_and(|(value, limit)| value > limit),
+                "exclusiveMinimum" => number.is_some_and(|(value, limit)| value <= limit),
+                "exclusiveMaximum" => number.is_some_and(|(value, limit)| value >= limit),
+                "minItems" => value.as_array().is_some_and(|list| (list.len() as u64) < rule.as_u64().unwrap_or(0)),
+                "uniqueItems" => {
+                    value.as_array().is_some_and(|list| list.iter().enumerate().any(|(i, one)| list[..i].contains(one)))
+                }
+                "required" => value.is_object() && names(rule).iter().any(|key| value.get(key).is_none()),
+                "pattern" => {
+                    value.as_str().is_some_and(|text| text.contains('/') || text.starts_with('.') || text.is_empty())
+                }
+                "oneOf" => rule.as_array()?.iter().filter(|choice| flaw(choice, value).is_none()).count() != 1,
+                "anyOf" => rule.as_array()?.iter().all(|choice| flaw(choice, value).is_some()),
+                "properties" => {
+                    let of = |(key, value): (&String, &Value)| {
+                        flaw(rule.get(key)?, value).map(|flaw| format!("{key}: {flaw}"))
+                    };
+                    return value.as_object()?.iter().find_map(of);
+                }
+                known if ANNOTATIONS.contains(&known) => false,
+                other => panic!("the keyword {other}"),
+            };
+            broken.then(|| format!("{value} breaks {keyword} {rule}"))
+        })
+        .or_else(|| {
+            let list = value.as_array().zip(schema.get("items"));
+            list.and_then(|(list, items)| list.iter().find_map(|value| flaw(items, value)))
+        })
+        .or_else(|| {
+            let closed = schema["additionalProperties"] == false;
+            let unknown = value.as_object()?.keys().find(|key| closed && schema["properties"].get(key).is_none())?;
+            Some(format!("unknown {unknown}"))
+        })
+}
+
+/// Mistakes that only the whole of a file shows, or that are no matter of types.
+const BEYOND_A_SCHEMA: [&str; 18] = [
+    "axis_given_twice",
+    "axis_that_no_algorithm_has",
+    "budget_below_one_rollout",
+    "environment_twice",
+    "extends_a_folder",
+    "extends_a_missing_file",
+    "extends_itself",
+    "figure_of_unknown_runs",
+    "minibatch_above_the_rollout",
+    "missing_budget",
+    "reward_of_another_environment",
+    "rollout_that_does_not_divide",
+    "selection_without_a_value",
+    "two_figures_of_one_name",
+    "nothing",
+    "dates",
+    "number_that_is_none",
+    "extends_in_a_circle",
+];
+
+#[test]
+fn an_editor_finds_what_the_parser_finds() {
+    let schema = spec::schema();
+    let json = |text: &str| toml::from_str::<toml::Table>(text).ok().and_then(|table| serde_json::to_value(table).ok());
+    let mut found = 0;
+    for (name, _) in super::mistakes_are_told::MISTAKES.iter().filter(|(name, _)| !BEYOND_A_SCHEMA.contains(name)) {
+        let text = std::fs::read_to_string(format!("tests/spec/mistakes/{name}.toml")).expect("it is there");
+        // What is not TOML, an editor finds without a schema.
+        let Some(value) = json(&text) else { continue };
+        assert!(flaw(&schema, &value).is_some(), "{name}: the schema allows it");
+        found += 1;
+    }
+    assert!(found >= 35, "{found}");
+    for name in ["ablation", "ci", "comparison", "demos", "smoke"] {
+        let text = std::fs::read_to_string(format!("experiments/{name}.toml")).expect("it is there");
+        assert_eq!(flaw(&schema, &json(&text).expect("TOML")), None, "{name}");
+    }
+    for (line, allowed) in [
+        ("env = [\"Pendulum-v2\"]\nalgorithm = [\"ppo\"]", true),
+        ("env = [\"Humanoid-v4\"]\nalgorithm = [\"ppo\"]", false),
+        ("env = [\"Ant-v2\"]\nalgorithm = [\"sac\"]", false),
+        ("env = [\"Ant-v2\"]\nalgorithm = [\"mcpo\"]\nd = [0]", false),
+        ("env = [\"Ant-v2\"]\nalgorithm = [\"mcpo\"]\n\"mcpo.discount\" = [1.0]", false),
+        ("env = [\"Ant-v2\"]\nalgorithm = [\"mcpo\"]\n\"mmd.bandwidth\" = [{ fixed = -1 }]", false),
+        ("env = [\"Ant-v2\"]\nalgorithm = [\"mcpo\"]\n\"rollout.steps\" = [0]", false),
+    ] {
+        let text = format!("name = \"x\"\nbudget.env_steps = 100_000\n[[matrix]]\nseed = [0]\n{line}\n");
+        assert_eq!(flaw(&schema, &json(&text).expect("TOML")).is_none(), allowed, "{line}");
+        assert_eq!(parse(&text).is_ok(), allowed, "{line}");
+    }
+}

@@ -1,6 +1,6 @@
 //! The check of a block of the matrix.
 
-use std::ops::Range;
+use std::{collections::HashSet, ops::Range};
 
 use toml::de::{DeArray, DeTable};
 
@@ -65,27 +65,30 @@ impl Checker<'_> {
     fn axis(&mut self, key: &str, span: Range<usize>, value: &Value<'_>, algorithms: &[&str]) {
         let parameter = Parameter::find(key);
         if !BLOCK_KEYS.contains(&key) {
-            let names = Parameter::names();
+            let names = || Parameter::names();
             let had = |name: &&str| {
                 Parameter::find(name)
                     .is_some_and(|known| algorithms.iter().any(|algorithm| known.applies_to(algorithm)))
             };
             match &parameter {
                 None => {
-                    let known = BLOCK_KEYS.into_iter().chain(names.iter().map(String::as_str));
-                    let label = match value.get_ref().as_table().and_then(|table| table.keys().next()) {
+                    let label = self.hint(|| match value.get_ref().as_table().and_then(|table| table.keys().next()) {
                         Some(inner) => {
                             Some(format!("write `\"{key}.{}\" = [...]`, with quotation marks", inner.get_ref()))
                         }
-                        None => nearest_label("axis", key, known),
-                    };
+                        None => {
+                            let names = names();
+                            nearest_label("axis", key, BLOCK_KEYS.into_iter().chain(names.iter().map(String::as_str)))
+                        }
+                    });
                     return self.wrong(span, format!("unknown axis `{key}`"), label);
                 }
                 Some(parameter)
                     if !algorithms.is_empty() && !algorithms.iter().any(|name| parameter.applies_to(name)) =>
                 {
-                    let label =
-                        nearest_label("axis of these algorithms", key, names.iter().map(String::as_str).filter(had));
+                    let label = self.hint(|| {
+                        nearest_label("axis of these algorithms", key, names().iter().map(String::as_str).filter(had))
+                    });
                     let message =
                         format!("no algorithm of this block has `{key}`: it runs {}", list(algorithms.iter().copied()));
                     return self.wrong(span, message, label);
@@ -131,14 +134,13 @@ impl Checker<'_> {
         elements: &DeArray<'_>,
         mut check: impl FnMut(&mut Self, &Value<'_>) -> Option<String>,
     ) {
-        let mut seen: Vec<String> = Vec::new();
+        let mut seen = HashSet::new();
         for (index, element) in elements.iter().enumerate() {
             self.within(Step::Index(index), |this| {
                 let Some(meaning) = check(this, element) else { return };
-                if seen.contains(&meaning) {
+                if let Some(meaning) = seen.replace(meaning) {
                     this.wrong(element.span(), format!("`{key}` lists {meaning} twice"), None);
                 }
-                seen.push(meaning);
             });
         }
     }
@@ -182,10 +184,19 @@ impl Checker<'_> {
                 return None;
             }
         }
-        // 1 and 1.0 are one value where a number is expected.
-        plain_value(element).map(|value| match value.as_float() {
-            Some(float) => float.to_string(),
-            None => value.to_string(),
-        })
+        plain_value(element).map(|value| meaning(&value))
+    }
+}
+
+/// What tells a value from others: 1, 1.0, 0.0 and -0.0 are two values, by themselves as in a list or a table.
+fn meaning(value: &toml::Value) -> String {
+    match value {
+        toml::Value::Float(number) => (number + 0.0).to_string(),
+        toml::Value::Array(values) => format!("[{}]", values.iter().map(meaning).collect::<Vec<_>>().join(", ")),
+        toml::Value::Table(table) => {
+            let fields: Vec<String> = table.iter().map(|(key, value)| format!("{key} = {}", meaning(value))).collect();
+            format!("{{ {} }}", fields.join(", "))
+        }
+        other => other.to_string(),
     }
 }

@@ -103,6 +103,12 @@ impl<'a> Checker<'a> {
         self.wrong(value.span(), message, Some(format!("expected {expected}")));
     }
 
+    /// What to write instead of an unknown name, for as many as anybody reads.
+    fn hint(&self, known: impl FnOnce() -> Option<String>) -> Option<String> {
+        const MOST: usize = 100;
+        (self.errors.len() < MOST).then(known).flatten()
+    }
+
     fn within(&mut self, step: Step, check: impl FnOnce(&mut Self)) {
         self.way.push(step);
         check(self);
@@ -134,13 +140,13 @@ impl<'a> Checker<'a> {
                 _ if settings.schema(&[key]).is_some() => this.section(settings, &[key], value),
                 _ => {
                     let known = ROOT_KEYS.into_iter().chain(settings.keys(&[]).into_iter().flatten());
-                    let label = match Parameter::find(key) {
+                    let label = this.hint(|| match Parameter::find(key) {
                         Some(Parameter::Shared(_)) => Some(
                             "a hyperparameter: it belongs under `[algorithms.NAME]` or in a block of the matrix".into(),
                         ),
                         _ if Catalog::get().algorithm(key).is_some() => Some(format!("write `algorithms.{key}`")),
                         _ => nearest_label("key", key, known),
-                    };
+                    });
                     this.wrong(span, format!("unknown key `{key}`"), label);
                 }
             });
@@ -155,7 +161,7 @@ impl<'a> Checker<'a> {
             Some(name) => self.wrong(
                 value.span(),
                 format!("`{}` cannot name a file", name.escape_debug()),
-                Some("expected letters, digits, `.`, `_` and `-`, the first no `.`, at most 100".into()),
+                Some("expected letters, digits, `.`, `_` and `-`, not starting with `.`, at most 100".into()),
             ),
         }
     }
@@ -213,7 +219,7 @@ impl<'a> Checker<'a> {
         whose: &str,
         known: impl Iterator<Item = &'k str> + Clone,
     ) {
-        let label = nearest_label("key", key.get_ref(), known);
+        let label = self.hint(|| nearest_label("key", key.get_ref(), known));
         self.wrong(key.span(), format!("unknown key `{}`{whose}", key.get_ref()), label);
     }
 
@@ -253,9 +259,8 @@ impl<'a> Checker<'a> {
     fn environment(&mut self, name: &str, span: Range<usize>) -> Option<EnvId> {
         match name.parse() {
             Ok(env) => Some(env),
-            Err(EnvError::UnknownEnvironment { name, nearest }) => {
-                let label = Some(format!("the nearest known environment is `{nearest}`"));
-                self.wrong(span, format!("unknown environment `{name}`"), label);
+            Err(EnvError::UnknownEnvironment { name, known }) => {
+                self.wrong(span, format!("unknown environment `{name}`"), Some(known));
                 None
             }
             Err(other) => {
