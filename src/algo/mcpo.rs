@@ -23,7 +23,8 @@
 //! What the appendix leaves open, and what is done here: `c = d_k - D(theta_k)`; D is MMD^2; the line search halves the step
 //! until the real KL, the real surrogate and the real D agree with it; advantages are not normalised; the value network is
 //! fitted after the policy's step, so that advantages come from a network that has not seen the batch; the tolerance grows in
-//! iterations of recovery too. Table 1's Adam serves the value network and recovery: the policy's step is in closed form.
+//! iterations of recovery too. Table 1's batch is read as the steps of an iteration (`rollout.steps`), since d grows by the
+//! iteration; the value network takes it in smaller minibatches. Table 1's Adam serves the value network and recovery: the policy's step is in closed form.
 
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
@@ -129,7 +130,7 @@ impl Hyperparameters {
             learning_rate: constant(1e-4),
             l2_penalty: constant(1e-3),
             value_epochs: constant(10),
-            minibatch: constant(if env == EnvId::MountainCar { 64 } else { 1024 }),
+            minibatch: constant(if env == EnvId::MountainCar { 64 } else { 128 }),
             line_search_steps: constant(10),
             max_corrections: constant(3),
             recovery_steps: constant(500),

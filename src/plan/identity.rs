@@ -69,7 +69,7 @@ impl RunSpec {
     /// `reward`. Those that only say how long it is, how it is evaluated and what it saves do not count, nor does the
     /// demonstration.
     pub fn departures(&self) -> BTreeSet<String> {
-        let defaults = Settings::for_env(self.env, self.budget.env_steps);
+        let defaults = Settings::defaults(self.env, self.algorithm_name(), self.budget.env_steps);
         let algorithm = Algorithm::defaults(self.algorithm_name(), self.env).expect("it has a name");
         let reward = if algorithm.trains_on_dense_reward() { Reward::Dense } else { defaults.reward };
         let Settings { max_steps, rollout, network, .. } = defaults;

@@ -128,7 +128,7 @@ impl Catalog {
     /// The one catalog.
     pub(super) fn get() -> &'static Self {
         static CATALOG: LazyLock<Catalog> = LazyLock::new(|| Catalog {
-            settings: Section::of(&Settings::for_env(EnvId::HalfCheetah, constant(1))),
+            settings: Section::of(&Settings::defaults(EnvId::HalfCheetah, "ppo", constant(1))),
             figure: Section::of(&Figure::specimen()),
             table: Section::of(&Table::specimen()),
             algorithms: Algorithm::names()

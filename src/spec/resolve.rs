@@ -65,7 +65,7 @@ impl ExperimentSpec {
         }
 
         given.remove("algorithms");
-        let mut settings = settings(env, given).map_err(wrong)?.ok_or(ResolveError::NoBudget { env })?;
+        let mut settings = settings(env, algorithm, given).map_err(wrong)?.ok_or(ResolveError::NoBudget { env })?;
         let algorithm = Algorithm::from_hyperparameters(algorithm, hyperparameters).map_err(wrong)?;
         if algorithm.trains_on_dense_reward() {
             settings.reward = Reward::Dense;
@@ -75,14 +75,14 @@ impl ExperimentSpec {
     }
 }
 
-/// `given` over the defaults of `env`; `None` without a budget.
-fn settings(env: EnvId, given: toml::Table) -> Result<Option<Settings>, toml::de::Error> {
+/// `given` over the defaults of `algorithm` in `env`; `None` without a budget.
+fn settings(env: EnvId, algorithm: &str, given: toml::Table) -> Result<Option<Settings>, toml::de::Error> {
     let is_given = |table: &str, key: &str| given.get(table).and_then(|table| table.get(key)).is_some();
     if !is_given("budget", "env_steps") {
         return Ok(None);
     }
     let evaluation_given = is_given("evaluation", "every");
-    let defaults = toml::Table::try_from(Settings::for_env(env, constant(1))).expect("settings are TOML");
+    let defaults = toml::Table::try_from(Settings::defaults(env, algorithm, constant(1))).expect("settings are TOML");
     let mut table = defaults;
     Catalog::get().settings.merge(&mut table, &given);
     let mut settings: Settings = table.try_into()?;

@@ -37,7 +37,7 @@ fn keys(schema: &Value, pointer: &str) -> Vec<String> {
 #[test]
 fn the_schema_knows_the_settings_that_serde_knows() {
     let schema = spec::schema();
-    let settings = Settings::for_env(EnvId::Ant, constant(1));
+    let settings = Settings::defaults(EnvId::Ant, "ppo", constant(1));
     for table in ["budget", "rollout", "evaluation", "network", "checkpoint"] {
         assert_eq!(keys(&schema, &format!("/properties/{table}")), fields(&settings, &[table]), "{table}");
     }
