@@ -71,7 +71,7 @@ pub const MISTAKES: &[(&str, &[Told])] = &[
         ],
     ),
     ("matrix_that_is_a_table", &[(6, 1, "`matrix` cannot be a table", "each headed `[[matrix]]`")]),
-    ("minibatch_above_the_rollout", &[(12, 9, "minibatch 1024 is larger than the rollout", "no larger")]),
+    ("minibatch_above_the_rollout", &[(12, 9, "minibatch 128 is larger than the rollout", "no larger")]),
     ("missing_bracket", &[(8, 1, "the list above does not end", "`]` before this line")]),
     ("missing_bracket_after_a_comma", &[(8, 1, "the list above does not end", "`]` before this line")]),
     ("missing_budget", &[(1, 1, "no budget.env_steps for Hopper-v2", "`[budget]`")]),

@@ -34,7 +34,7 @@ fn the_ablation_is_table_5() {
         let seeds: Vec<u64> = row.map(|run| run.seed.0).collect();
         assert_eq!(seeds, [0, 1, 2, 3, 4], "d = {d}, epsilon = {epsilon}");
     }
-    assert!(runs.iter().all(|run| run.budget.env_steps.get() == 3_000_000));
+    assert!(runs.iter().all(|run| run.budget.env_steps.get() == 1_000_000));
     assert_eq!(runs[0].id, "HalfCheetah-v2/mcpo-d=1-epsilon=0/seed-0");
 }
 
