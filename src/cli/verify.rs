@@ -137,6 +137,7 @@ fn difference(
         }
         (before, now) => return Ok(Some(format!("recorded as {before:?}, now {now:?}"))),
     }
+    before.check_tables(recorded)?;
     let exactness = match inexact(&before, &now.stamp) {
         None => Exactness::Bits,
         Some(Inexact::Versions(reason)) if exact => return Ok(Some(format!("{reason}: it is to be made anew"))),
@@ -154,7 +155,8 @@ fn recorded_ids(folder: &Path, prefix: &str) -> anyhow::Result<Vec<String>> {
     let entries = fs::read_dir(folder).with_context(|| format!("cannot read {}", folder.display()))?;
     for entry in entries {
         let entry = entry.with_context(|| format!("cannot read {}", folder.display()))?;
-        if entry.path().is_dir() {
+        // Not through links, which may lead in a circle.
+        if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
             let id = format!("{prefix}{}", entry.file_name().to_string_lossy());
             let is_run = RunPaths::manifest(&entry.path()).exists();
             ids.extend(if is_run { vec![id] } else { recorded_ids(&entry.path(), &format!("{id}/"))? });

@@ -2,7 +2,7 @@
 
 use std::{
     collections::BTreeMap,
-    fmt, fs,
+    fmt,
     path::{Path, PathBuf},
 };
 
@@ -134,16 +134,7 @@ fn demonstration(path: &Path, env: EnvId) -> Result<(String, Demonstrated), Demo
         steps: demonstration.len(),
         mean_return: demonstration.returns().map(|returns| returns.iter().sum::<f64>() / episodes as f64),
     };
-    Ok((content(path)?, demonstrated))
-}
-
-/// The digest of a demonstration's file, whatever it holds.
-///
-/// Errors: it cannot be read.
-pub(super) fn content(path: &Path) -> Result<String, DemoError> {
-    let bytes =
-        fs::read(path).map_err(|error| DemoError::Unreadable { path: path.to_owned(), reason: error.to_string() })?;
-    Ok(blake3::hash(&bytes).to_hex().to_string())
+    Ok((Demonstration::digest(path)?, demonstrated))
 }
 
 /// Makes the results ready: the folder can be written to and has room, and nothing that is recorded stands in the way;

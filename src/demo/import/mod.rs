@@ -18,9 +18,9 @@ pub use returns::recomputed_rewards;
 use super::{
     DemoError, Demonstration,
     motion::{self, Mover},
-    parquet::{MAX_NUMBERS, read_bounded},
+    parquet::read_bounded,
 };
-use crate::env::EnvId;
+use crate::{env::EnvId, parquet::MAX_NUMBERS};
 
 /// The most bytes that a compressed file may unfold to.
 const MAX_UNFOLDED: usize = 1 << 27;
