@@ -99,8 +99,8 @@ pub fn run(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
     }
     // Of the whole file: `--only` says what to run, not what to forget of what has run before.
     let scope = Scope { axis: selected.axis.clone(), set: selected.set.clone(), ..Scope::default() };
-    let written =
-        report::write(&specs, &selected.results, &scope).context("the runs are recorded, but not their report");
+    let written = report::write(&specs, &selected.results, &scope, arguments.quiet)
+        .context("the runs are recorded, but not their report");
     if summary.failed.is_empty() && summary.left == 0 {
         return written;
     }
