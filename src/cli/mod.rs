@@ -24,6 +24,7 @@ mod verify;
 
 use std::{
     io::{self, IsTerminal, Write},
+    path::{Path, PathBuf},
     process::ExitCode,
 };
 
@@ -138,6 +139,11 @@ fn told(error: &anyhow::Error) -> String {
         before if before.contains(&cause) => told,
         before => format!("{before}: {cause}"),
     })
+}
+
+/// The file or folder that somebody named, whatever links lead there; those that are found in a folder are not followed.
+fn named(path: &Path) -> PathBuf {
+    if path.is_symlink() { path.canonicalize().unwrap_or_else(|_| path.to_owned()) } else { path.to_owned() }
 }
 
 /// Writes a result to stdout, without what would control the terminal. A reader that has seen enough (`| head`) is no error.

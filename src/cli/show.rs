@@ -7,7 +7,7 @@ use std::{
 
 use anyhow::{Context, bail};
 
-use super::{demo::counted, print};
+use super::{demo::counted, named, print};
 use crate::record::{Demonstrated, Manifest, Outcome, RunPaths, Stamp, policy, rows};
 
 /// Which file.
@@ -19,7 +19,7 @@ pub struct ShowArguments {
 
 /// Prints where the file comes from.
 pub fn run(arguments: &ShowArguments) -> anyhow::Result<ExitCode> {
-    let path = &arguments.file;
+    let path = &named(&arguments.file);
     let (stamp, manifest) = provenance(path)?;
     print(&render(path, &stamp, manifest.as_ref())?)?;
     Ok(ExitCode::SUCCESS)

@@ -171,7 +171,7 @@ fn best(runs: &[RunSpec], results: &Path, starts: u32, wanted: &Wanted) -> anyho
         let mut tasks: Vec<Task> =
             (0..starts.min(8)).map(|_| Task::new(run.env, Reward::Dense, run.max_steps)).collect::<Result<_, _>>()?;
         for path in kept_policies(&paths)? {
-            let (agent, stamp) = policy::read(&path)?;
+            let (agent, stamp) = policy::read_for(&path, tasks[0].spaces())?;
             let generator = |start| run.seed.stream(Stream::Evaluation, start);
             let generators = (0..starts).map(generator).collect();
             let episodes = evaluate::episodes(&mut Actor::MeanAction(&agent), &mut tasks, generators, &mut || {})?;
