@@ -53,20 +53,20 @@ enum Command {
     Run(run::RunArguments),
     /// Show every run, its id, its state and its cost; start nothing
     Plan(plan::PlanArguments),
-    /// Show what is finished, running, failed (and why) and to do, and the time left; works beside a running campaign
+    /// Show what has finished, is running, has failed (and why) and is still to do, and the time left; also during a campaign
     Status(Selected),
     /// Write tables and figures from recorded files alone
     Report(Selected),
     /// Run a matrix and compare with what is recorded of it; exit with 4 where it is not reproduced
     ///
     /// Within one numeric class (CPU features, C library, engine and algorithms) every row and the policy must have the same
-    /// bits, what a clock said apart; elsewhere the first iteration must be within 5 %.
+    /// bits, except for measured times; elsewhere the first iteration must be within 5 %.
     Verify(verify::VerifyArguments),
     /// Run the run that a result comes from again, and compare; exit with 4 where it is not reproduced
     Reproduce(reproduce::ReproduceArguments),
     /// Play episodes with a saved policy
     Eval(eval::EvalArguments),
-    /// Measure how fast training is, where its time goes, and how near it comes to what this core can do
+    /// Measure how fast training is, where its time goes, and how close it comes to what this core can do
     Bench(bench::BenchArguments),
     /// Collect, import, verify or show demonstrations
     #[command(subcommand)]

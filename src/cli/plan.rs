@@ -141,16 +141,16 @@ fn reason(run: &Planned, state: &RunState) -> String {
     match state {
         RunState::ToDo => "will run: nothing is recorded".to_owned(),
         RunState::Interrupted { env_steps } => {
-            format!("will run: goes on from the checkpoint after {} steps", steps(*env_steps))
+            format!("will run: resumes from the checkpoint at {} steps", steps(*env_steps))
         }
         RunState::Running(_) => "will not run here: another process works on it".to_owned(),
         RunState::ToExtend { shorter, env_steps: Some(env_steps) } => {
             let recorded = steps(shorter.env_steps);
-            format!("will run: recorded with {recorded} steps, and goes on from its state after {}", steps(*env_steps))
+            format!("will run: recorded with {recorded} steps, and resumes from its state at {}", steps(*env_steps))
         }
         RunState::ToExtend { shorter, env_steps: None } => {
             let recorded = steps(shorter.env_steps);
-            format!("will run from its start: recorded with {recorded} steps, whose last state is not kept")
+            format!("will run from its start: recorded with {recorded} steps, whose last state was not kept")
         }
         RunState::Finished(manifest) => {
             let otherwise = match run.evaluated_otherwise(&manifest.stamp) {

@@ -26,7 +26,7 @@ pub struct Selected {
     /// Replace the list of an axis in every block that has it, such as seed=0,1
     #[arg(long, value_name = "KEY=VALUE,...")]
     pub axis: Vec<String>,
-    /// Keep to the runs that match, such as env=Hopper-v2,algorithm=mcpo
+    /// Only the runs that match, such as env=Hopper-v2,algorithm=mcpo
     #[arg(long, value_name = "KEY=VALUE,...")]
     pub only: Vec<String>,
     /// The folder of all results

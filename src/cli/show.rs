@@ -45,7 +45,7 @@ pub(super) fn provenance(path: &Path) -> anyhow::Result<(Stamp, Option<Manifest>
     let stamp = own
         .as_ref()
         .or(beside)
-        .with_context(|| format!("{} carries no provenance, and no run.json is beside it", path.display()))?;
+        .with_context(|| format!("{} carries no provenance, and there is no run.json beside it", path.display()))?;
     // A policy does not name its caller; its run does.
     let of_this_run = beside.filter(|beside| beside.fingerprint == stamp.fingerprint);
     let stamp = Stamp {

@@ -77,7 +77,7 @@ fn render(planned: &[Planned], states: &[RunState]) -> String {
             RunState::ToExtend { shorter, env_steps: None } => {
                 let recorded = thousands(shorter.env_steps as f64);
                 format!(
-                    "from its start to {} steps: the last state of its {recorded} is not kept",
+                    "from its start to {} steps: the last state of its {recorded} was not kept",
                     thousands(steps as f64)
                 )
             }

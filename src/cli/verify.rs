@@ -31,23 +31,23 @@ pub struct VerifyArguments {
     /// The folder that holds the recorded `runs/` of this experiment
     #[arg(long, value_name = "DIR")]
     against: PathBuf,
-    /// Keep to the runs that match, such as env=Hopper-v2,algorithm=mcpo
+    /// Only the runs that match, such as env=Hopper-v2,algorithm=mcpo
     #[arg(long, value_name = "KEY=VALUE,...")]
     only: Vec<String>,
-    /// Keep what is computed in this folder of results, and go on from what it holds [default: a temporary one]
+    /// Keep what is computed in this folder of results, and resume from what it holds [default: a temporary one]
     #[arg(long, value_name = "DIR")]
     results: Option<PathBuf>,
     /// Runs at a time, one process each [default: the physical cores]
     #[arg(long, short, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     jobs: Option<u16>,
-    /// Make DIR, which may not be there yet, the record: rows and manifests without hosts, command lines, logs or policies
+    /// Make DIR, which must not exist yet, the record: rows and manifests without hosts, command lines, logs or policies
     #[arg(long)]
     record: bool,
     /// Insist on the same bits where the record was made on this class of machine: one that other versions of the program or of
     /// MuJoCo made is then a difference
     #[arg(long, conflicts_with = "record")]
     exact: bool,
-    /// Show failures alone
+    /// Show only failures
     #[arg(long, short)]
     quiet: bool,
 }
@@ -56,7 +56,7 @@ pub struct VerifyArguments {
 pub fn run(arguments: &VerifyArguments) -> anyhow::Result<ExitCode> {
     let against = &arguments.against;
     if arguments.record && against.exists() {
-        bail!("{} is there already; remove it to record it anew", against.display());
+        bail!("{} already exists; remove it to record it again", against.display());
     }
     if !arguments.record && !against.join("runs").is_dir() {
         bail!("{} holds no recorded runs (there is no {}/runs)", against.display(), against.display());
@@ -140,7 +140,7 @@ fn difference(
     before.check_tables(recorded)?;
     let exactness = match inexact(&before, &now.stamp) {
         None => Exactness::Bits,
-        Some(Inexact::Versions(reason)) if exact => return Ok(Some(format!("{reason}: it is to be made anew"))),
+        Some(Inexact::Versions(reason)) if exact => return Ok(Some(format!("{reason}: it must be recorded again"))),
         Some(Inexact::Versions(reason) | Inexact::Machine(reason)) => {
             elsewhere.insert(reason);
             Exactness::FirstIteration

@@ -68,7 +68,7 @@ struct Node {
 impl Footer {
     /// The description at the end of `file`.
     pub(super) fn read(file: &[u8]) -> Result<Self, String> {
-        let no_parquet = || "it is no Parquet file".to_owned();
+        let no_parquet = || "it is not a Parquet file".to_owned();
         let described = file.strip_suffix(b"PAR1").ok_or_else(no_parquet)?;
         let (described, length) = described.split_last_chunk::<4>().ok_or_else(no_parquet)?;
         let length = u32::from_le_bytes(*length) as usize;

@@ -84,7 +84,7 @@ pub enum RecordError {
 fn hint(source: &io::Error) -> &'static str {
     match source.kind() {
         io::ErrorKind::StorageFull => {
-            "; make room and run again: what is recorded is kept, and runs go on from their checkpoints"
+            "; free some space and run again: what is recorded is kept, and runs resume from their checkpoints"
         }
         io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
             "; make it writable or name another folder with --results"

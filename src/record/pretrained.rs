@@ -50,7 +50,7 @@ pub fn pretrained(
             return Ok(agent);
         }
         Ok(None) => {}
-        Err(error) => warn!("{error}; it is trained anew"),
+        Err(error) => warn!("{error}; training it again"),
     }
     let agent = train(alive)?;
     write_sealed(&path, NAME, key, &agent)?;

@@ -34,7 +34,7 @@ pub(super) fn cause(how: &str, stderr: &[String]) -> String {
 
 /// `exit code 3` as part of a sentence.
 fn phrase(how: &str) -> String {
-    if how.starts_with("exit code") { format!("left with {how}") } else { how.replacen("killed", "was killed", 1) }
+    if how.starts_with("exit code") { format!("ended with {how}") } else { how.replacen("killed", "was killed", 1) }
 }
 
 /// What is recorded of a run whose process has died.
@@ -140,11 +140,11 @@ mod tests {
             "its process panicked (exit code 101): index out of bounds"
         );
         assert_eq!(cause("killed by signal 9 (SIGKILL)", &[]), "its process was killed by signal 9 (SIGKILL)");
-        assert_eq!(cause("exit code 3", &lines("first\nlast\n\n")), "its process left with exit code 3: last");
+        assert_eq!(cause("exit code 3", &lines("first\nlast\n\n")), "its process ended with exit code 3: last");
         let memory = lines("memory allocation of 8 bytes failed\nstack backtrace:\nskipping backtrace printing");
         assert_eq!(
             cause("exit code 3", &memory),
-            "its process left with exit code 3: memory allocation of 8 bytes failed"
+            "its process ended with exit code 3: memory allocation of 8 bytes failed"
         );
     }
 

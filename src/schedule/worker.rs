@@ -130,7 +130,7 @@ fn last_state(run: &Planned) -> Result<Checkpoint, WorkerError> {
         let RecordError::Damaged { path, .. } = &error else { continue };
         let aside = path.with_extension("damaged");
         fs::rename(path, &aside).map_err(io_error("rename", path))?;
-        let text = format!("{error}; it is kept as {}, and the run goes on from what else there is", aside.display());
+        let text = format!("{error}; it is kept as {}, and the run resumes from what remains", aside.display());
         warn!("{text}");
         tell(&Event::Warned { text });
     }

@@ -194,7 +194,7 @@ fn conflicts(env: EnvId, settings: &Settings, algorithm: &Algorithm) -> Vec<Conf
     let sparse = env.sparse_reward();
     if settings.reward != Reward::Dense && mem::discriminant(&settings.reward) != mem::discriminant(&sparse) {
         conflict(
-            format!("{} is no reward of this environment", reward_name(&settings.reward)),
+            format!("{} is not a reward of this environment", reward_name(&settings.reward)),
             &format!("expected `dense` or {}", reward_name(&sparse)),
             vec![setting("reward")],
         );

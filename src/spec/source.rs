@@ -219,7 +219,7 @@ fn read(path: &Path) -> Result<String, String> {
         let before = String::from_utf8_lossy(&error.as_bytes()[..error.utf8_error().valid_up_to()]).into_owned();
         let line = before.matches('\n').count() + 1;
         let column = before.rsplit('\n').next().unwrap_or_default().chars().count() + 1;
-        format!("it is not UTF-8 text: line {line}, column {column} begins no character")
+        format!("it is not UTF-8 text: line {line}, column {column} is not the start of a character")
     })
 }
 

@@ -83,7 +83,7 @@ fn a_signal_stops_cleanly_and_the_same_command_goes_on() {
         bench.worker("disturbed", PENDULUM);
         assert!(signal(name, child.id()), "it was over before {name}");
         let (_, stderr) = texts(&child.wait_with_output().expect("it ends"), 130, &[name]);
-        assert!(stderr.contains("goes on from here"), "{stderr}");
+        assert!(stderr.contains("resumes from here"), "{stderr}");
         let paths = bench.run("disturbed", PENDULUM);
         assert!(!paths.complete.exists() && RunPaths::checkpoint(&paths.partial).exists());
     }

@@ -121,7 +121,7 @@ fn from_bytes(file: Vec<u8>, env: EnvId) -> Result<Imported, String> {
     } else if file.starts_with(b"PK") {
         npz::read(&file, env)
     } else {
-        Err("it is none of a pickle (compressed by bzip2 or not), Parquet and .npz".into())
+        Err("it is not a pickle (bzip2-compressed or not), Parquet or .npz".into())
     }
 }
 
