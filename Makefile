@@ -1,6 +1,6 @@
 # The commands of this project. `make demo` shows what it does; `make test` checks everything.
 
-.PHONY: demo test build ci-results setup clean
+.PHONY: demo test soak build ci-results setup clean
 
 demo: build
 	target/release/mcpo-run experiments/smoke.toml
@@ -9,6 +9,10 @@ test: setup
 	cargo fmt --check
 	cargo clippy --release --all-targets -- --deny warnings
 	cargo test --release
+
+# Kills and faults without number, for SOAK_SECONDS (an hour): no run may be lost, and no bit change.
+soak: build
+	tests/soak/disturb.sh $(or $(SOAK_SECONDS),3600)
 
 # What `make test` compares this program's numbers with; to be made anew whenever they are meant to change.
 ci-results: build

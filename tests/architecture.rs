@@ -1,7 +1,8 @@
 //! The direction of the arrows: which module may use which.
 //!
 //! The table is the design's, with these deviations. `arithmetic`, the products and elementary functions at the machine's
-//! rate, and `escape`, text from outside made harmless for where it is shown, are bottom modules of their own. `plan` uses `env`, since a run holds its environment and its reward. `record` and
+//! rate, `escape`, text from outside made harmless for where it is shown, `intake`, files from outside, and `parquet`, the
+//! reader of tables that believes none of their claims, are bottom modules of their own. `plan` uses `env`, since a run holds its environment and its reward. `record` and
 //! `schedule` use what rows and policies are made of, since they are `train`'s sink, and `schedule` reads demonstrations
 //! before anything starts. `bench`, which measures training, stands beside `schedule`. `report` uses `plan` and `env`, since
 //! selections and recorded runs are theirs.
@@ -19,18 +20,20 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("rng", &[]),
     ("quantity", &[]),
     ("escape", &[]),
+    ("intake", &[]),
+    ("parquet", &[]),
     ("arithmetic", &[]),
     ("solver", &["arithmetic", "quantity"]),
     ("stats", &["rng"]),
     ("nn", &["arithmetic", "solver", "quantity", "rng"]),
     ("env", &["quantity", "rng"]),
-    ("demo", &["arithmetic", "env", "quantity", "rng"]),
+    ("demo", &["arithmetic", "env", "intake", "parquet", "quantity", "rng"]),
     ("algo", &["arithmetic", "demo", "env", "nn", "solver", "quantity", "rng"]),
-    ("spec", &["algo", "demo", "env", "nn", "quantity", "rng"]),
+    ("spec", &["algo", "demo", "env", "intake", "nn", "quantity", "rng"]),
     ("plan", &["env", "spec", "quantity", "rng"]),
     ("train", &["algo", "arithmetic", "demo", "env", "nn", "plan", "quantity", "rng", "solver", "spec", "stats"]),
-    ("record", &["algo", "env", "nn", "plan", "quantity", "rng", "train"]),
-    ("schedule", &["algo", "arithmetic", "demo", "env", "escape", "plan", "record", "train"]),
+    ("record", &["algo", "env", "intake", "nn", "parquet", "plan", "quantity", "rng", "train"]),
+    ("schedule", &["algo", "arithmetic", "demo", "env", "escape", "intake", "plan", "record", "train"]),
     ("bench", &["algo", "arithmetic", "demo", "env", "plan", "quantity", "record", "rng", "spec", "train"]),
     ("report", &["env", "escape", "plan", "record", "spec", "stats"]),
     (

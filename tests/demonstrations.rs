@@ -105,7 +105,7 @@ fn bad_input_is_one_error_and_writes_nothing() {
     refused(&["verify", &hopper, "--env", "Hoper-v2"], &["Hoper-v2", "nearest", "Hopper-v2"]);
     refused(&["verify", &hopper, "--env", "Walker2d-v2"], &[&hopper, "the file says that it is of Hopper-v2"]);
     refused(&["verify", &hopper, "--env", "Hopper-v2", "--tolerance", "-1"], &["--tolerance"]);
-    refused(&["show", "tests/reference/mmd.json"], &["mmd.json", "no Parquet"]);
+    refused(&["show", "tests/reference/mmd.json"], &["mmd.json", "not a Parquet file"]);
     let pickle = reference("import_protocol3.pkl");
     refused(&["import", &pickle, "--env", "Ant-v2", "--out", &out], &["does not fit Ant-v2", "InvertedPendulum-v2"]);
     refused(&["import", "tests/reference/mmd.py", "--env", "Ant-v2", "--out", &out], &["mmd.py", "none of"]);

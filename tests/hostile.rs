@@ -18,10 +18,10 @@ use mcpo_run::{
     env::EnvId,
     nn::{GaussianPolicy, Mlp, Normalizer},
     plan,
-    record::{Build, Checkpoint, Manifest, RunPaths, Stamp, policy},
+    record::{Build, Checkpoint, Manifest, RunPaths, Stamp, compare, policy, rows},
     rng::{Seed, Stream},
     spec::{self, Overrides},
-    train::EvaluationEpisode,
+    train::{EvaluationEpisode, Iteration},
 };
 use proptest::prelude::*;
 
@@ -96,6 +96,15 @@ fn manifest(path: &Path) {
     let _ = Manifest::read(path);
 }
 
+fn results(path: &Path) {
+    let _ = rows::read_progress(path);
+    let _ = rows::read_evaluations(path);
+    let _ = rows::read_keys(path);
+    let _ = rows::read_stamp(path);
+    let _ = rows::read_numbers(path);
+    let _ = compare::tables(path, path, compare::Exactness::Bits);
+}
+
 fn matrix(path: &Path) {
     let bytes = fs::read(path).expect("it was written");
     match spec::parse(path, &String::from_utf8_lossy(&bytes), &Overrides::default()) {
@@ -105,7 +114,7 @@ fn matrix(path: &Path) {
 }
 
 /// Everything that reads.
-const READERS: [fn(&Path); 5] = [demonstration, checkpoint, saved_policy, manifest, matrix];
+const READERS: [fn(&Path); 6] = [demonstration, checkpoint, saved_policy, manifest, results, matrix];
 
 /// What is done to a file: a byte becomes another, a piece is cut out or repeated, or a number becomes a great one.
 #[derive(Debug, Clone)]
@@ -209,6 +218,32 @@ fn a_manifest() -> Vec<u8> {
     written(|path| Manifest::new(stamp()).write(path).expect("written"))
 }
 
+fn a_table() -> Vec<u8> {
+    let keys = rows::Keys {
+        experiment: "e".to_owned(),
+        run: "a/b".to_owned(),
+        env: "Hopper-v2".to_owned(),
+        algorithm: "mcpo".to_owned(),
+        d: Some(1e-3),
+        epsilon: None,
+        seed: 7,
+        axes: Default::default(),
+    };
+    let row = Iteration {
+        iteration: 1,
+        env_steps: 100,
+        episodes: 3,
+        dense_return: None,
+        training_return: Some(0.25),
+        episode_length: Some(12.5),
+        update: Default::default(),
+        physics_seconds: 0.125,
+        rollout_seconds: 0.25,
+        update_seconds: 0.5,
+    };
+    written(|path| rows::write_progress(path, &keys, &stamp(), &vec![row.clone(); 20]).expect("written"))
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(256))]
 
@@ -238,6 +273,11 @@ proptest! {
         show(&changed(&a_checkpoint(), &changes), checkpoint);
         show(&changed(&a_policy(), &changes), saved_policy);
         show(&changed(&a_manifest(), &changes), manifest);
+    }
+
+    #[test]
+    fn a_changed_table_is_read_or_refused(changes in changes()) {
+        show(&changed(&a_table(), &changes), results);
     }
 
     #[test]
@@ -331,6 +371,22 @@ fn a_few_bytes_that_unfold_to_much_are_bounded() {
     let place = [entry.len() as u32, file.len() as u32].map(u32::to_le_bytes).concat();
     let end = [b"PK\x05\x06\0\0\0\0\x01\x00\x01\x00", &place[..], &[0, 0]].concat();
     show(&[file, entry, end].concat(), demonstration);
+}
+
+#[test]
+fn a_small_table_of_many_rows_is_refused() {
+    use polars::prelude::{Column, DataFrame, DataType, ParquetWriter};
+    let height = 40_000_000;
+    let columns = ["iteration", "env_steps"].map(|name| Column::full_null(name.into(), height, &DataType::UInt64));
+    let mut frame = DataFrame::new(height, columns.to_vec()).expect("a frame");
+    let mut bytes = Vec::new();
+    ParquetWriter::new(&mut bytes).finish(&mut frame).expect("in memory");
+    assert!(bytes.len() < 1 << 21, "no small file: {}", bytes.len());
+    show(&bytes, |path| {
+        results(path);
+        let error = rows::read_numbers(path).expect_err("too much").to_string();
+        assert!(error.contains("40000000 rows"), "{error}");
+    });
 }
 
 #[test]

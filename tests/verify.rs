@@ -50,6 +50,58 @@ fn a_run_of_the_record_that_fails_now_is_told_with_its_cause() {
     assert!(stdout.contains("policy.safetensors") && stdout.contains("0 of 1 runs are as recorded"), "{stdout}");
 }
 
+/// Runs that a test may change.
+fn recorded(folder: &Path, name: &str) -> std::path::PathBuf {
+    folder.join("record/runs").join(RUN).join(name)
+}
+
+#[test]
+fn a_damaged_table_of_the_record_is_told_with_its_run_with_its_digest_or_without() {
+    let folder = with_record();
+    let (path, table) = (recorded(folder.path(), "run.json"), recorded(folder.path(), "evaluations.parquet"));
+    let whole = fs::read(&table).expect("readable");
+    verify(folder.path(), 0, &["--results", "now"]);
+    let told = |bytes: &[u8]| {
+        fs::write(&table, bytes).expect("written");
+        let stdout = verify(folder.path(), 4, &["--results", "now"]);
+        assert!(stdout.starts_with(&format!("{RUN}: ")) && stdout.contains("evaluations.parquet"), "{stdout}");
+        stdout
+    };
+    let mut changed = whole.clone();
+    changed[whole.len() / 2] ^= 1;
+    assert!(told(&changed).contains("is damaged: it is not what was recorded"));
+    let manifest = Manifest::read(&path).expect("readable").expect("there");
+    Manifest { tables: None, ..manifest }.write(&path).expect("written");
+    assert!(told(&whole[..whole.len() / 2]).contains("is not a table of results"));
+    fs::write(&table, &whole).expect("written");
+    verify(folder.path(), 0, &["--results", "now"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn links_and_pipes_in_a_record_are_refused_and_end() {
+    use std::os::unix::fs::symlink;
+    let folder = with_record();
+    verify(folder.path(), 0, &["--results", "now"]);
+    symlink(".", folder.path().join("record/runs/loop")).expect("linked");
+    verify(folder.path(), 0, &["--results", "now"]);
+    for name in ["evaluations.parquet", "run.json"] {
+        let path = recorded(folder.path(), name);
+        let aside = path.with_extension("aside");
+        fs::rename(&path, &aside).expect("renamed");
+        let pipe = || std::process::Command::new("mkfifo").arg(&path).status().map(|_| ()).expect("mkfifo is there");
+        let places: [&dyn Fn(); 3] =
+            [&|| symlink("/dev/zero", &path).expect("linked"), &|| symlink(&aside, &path).expect("linked"), &pipe];
+        for make in places {
+            make();
+            let stdout = verify(folder.path(), 4, &["--results", "now"]);
+            assert!(stdout.starts_with(&format!("{RUN}: ")) && stdout.contains(name), "{stdout}");
+            fs::remove_file(&path).expect("made");
+        }
+        fs::rename(&aside, &path).expect("renamed");
+    }
+}
+
 #[test]
 fn a_run_that_failed_when_it_was_recorded_and_does_not_now_is_told() {
     let folder = with_record();

@@ -42,7 +42,7 @@ pub enum BenchError {
     #[error(transparent)]
     Env(#[from] EnvError),
     /// The algorithm has no iterations.
-    #[error("`{0}` takes no step of training in the environment, so there is nothing to measure")]
+    #[error("`{0}` takes no training steps in the environment, so there is nothing to measure")]
     NoRollouts(&'static str),
     /// The checkpoint could not be written.
     #[error(transparent)]

@@ -63,5 +63,5 @@ pub fn inexact(recorded: &Manifest, now: &Stamp) -> Option<Inexact> {
         return Some(Inexact::Machine(format!("the record was made on {class}, libm {libm}")));
     }
     (before.versions != after.versions)
-        .then(|| Inexact::Versions(format!("the record was made by other versions: {}", before.versions)))
+        .then(|| Inexact::Versions(format!("the record was made by different versions: {}", before.versions)))
 }

@@ -26,7 +26,7 @@ pub struct BenchArguments {
     /// Set a key as in a matrix file, such as rollout.environments=1 or algorithms.mcpo.cg_iterations=5
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// Iterations that are measured, after one that is not
+    /// Iterations to measure, after one to warm up
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
     iterations: u32,
     /// Print JSON

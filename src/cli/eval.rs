@@ -1,13 +1,16 @@
 //! `mcpo-run eval RUN`.
 
-use std::{path::PathBuf, process::ExitCode};
+use std::{
+    path::{Path, PathBuf},
+    process::ExitCode,
+};
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 
-use super::print;
+use super::{named, print};
 use crate::{
     plan,
-    record::{RunPaths, policy},
+    record::{Manifest, RunPaths, policy},
     rng::{Seed, Stream},
     train::{build, evaluate},
 };
@@ -25,14 +28,48 @@ pub struct EvalArguments {
     seed: u64,
 }
 
+/// The longest episode that is played, steps: a thousand times those of the seven environments.
+const LONGEST: u64 = 1_000_000;
+/// The most episodes that are played at a time.
+const TOGETHER: usize = 64;
+
+/// Errors: the run.json beside the policy at the end of a run names another.
+fn check_digest(path: &Path) -> anyhow::Result<()> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    if path != RunPaths::policy(folder) {
+        return Ok(());
+    }
+    let recorded = Manifest::read(&RunPaths::manifest(folder))?.and_then(|manifest| manifest.policy);
+    match recorded {
+        Some(recorded) if recorded != policy::digest(path)? => {
+            bail!(
+                "{} is not the policy that the run.json beside it records; copied elsewhere, it is played",
+                path.display()
+            )
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Plays the episodes, and prints their returns in the dense reward and in the one that was trained on.
 pub fn run(arguments: &EvalArguments) -> anyhow::Result<ExitCode> {
-    let path = &arguments.run;
-    let path = if path.is_dir() { RunPaths::policy(path) } else { path.clone() };
-    let (agent, stamp) = policy::read(&path)?;
+    let path = named(&arguments.run);
+    let path = if path.is_dir() { RunPaths::policy(&path) } else { path };
+    let (_, stamp) = policy::read(&path)?;
     let spec = plan::recorded(&stamp.spec)
         .with_context(|| format!("{} was written by another version of this program", path.display()))?;
-    let mut tasks = build::tasks(&spec, spec.rollout.environments.size())?;
+    if spec.max_steps > LONGEST {
+        bail!(
+            "{} comes from a run whose episodes last {} steps; at most {LONGEST} are played",
+            path.display(),
+            spec.max_steps
+        );
+    }
+    check_digest(&path)?;
+    // How many play together does not change what they play.
+    let together = spec.rollout.environments.size().min(arguments.episodes as usize).min(TOGETHER);
+    let mut tasks = build::tasks(&spec, together)?;
+    let (agent, _) = policy::read_for(&path, tasks[0].spaces())?;
     let starts = (0..arguments.episodes).map(|index| Seed(arguments.seed).stream(Stream::Evaluation, index)).collect();
     let episodes = evaluate::episodes(&mut evaluate::Actor::MeanAction(&agent), &mut tasks, starts, &mut || {})?;
     let row = |name: &str, numbers: Vec<f64>| {

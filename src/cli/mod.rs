@@ -24,6 +24,7 @@ mod verify;
 
 use std::{
     io::{self, IsTerminal, Write},
+    path::{Path, PathBuf},
     process::ExitCode,
 };
 
@@ -52,20 +53,20 @@ enum Command {
     Run(run::RunArguments),
     /// Show every run, its id, its state and its cost; start nothing
     Plan(plan::PlanArguments),
-    /// Show what is finished, running, failed (and why) and to do, and the time left; works beside a running campaign
+    /// Show what has finished, is running, has failed (and why) and is still to do, and the time left; also during a campaign
     Status(Selected),
     /// Write tables and figures from recorded files alone
     Report(Selected),
     /// Run a matrix and compare with what is recorded of it; exit with 4 where it is not reproduced
     ///
     /// Within one numeric class (CPU features, C library, engine and algorithms) every row and the policy must have the same
-    /// bits, what a clock said apart; elsewhere the first iteration must be within 5 %.
+    /// bits, except for measured times; elsewhere the first iteration must be within 5 %.
     Verify(verify::VerifyArguments),
     /// Run the run that a result comes from again, and compare; exit with 4 where it is not reproduced
     Reproduce(reproduce::ReproduceArguments),
     /// Play episodes with a saved policy
     Eval(eval::EvalArguments),
-    /// Measure how fast training is, where its time goes, and how near it comes to what this core can do
+    /// Measure how fast training is, where its time goes, and how close it comes to what this core can do
     Bench(bench::BenchArguments),
     /// Collect, import, verify or show demonstrations
     #[command(subcommand)]
@@ -138,6 +139,11 @@ fn told(error: &anyhow::Error) -> String {
         before if before.contains(&cause) => told,
         before => format!("{before}: {cause}"),
     })
+}
+
+/// The file or folder that somebody named, whatever links lead there; those that are found in a folder are not followed.
+fn named(path: &Path) -> PathBuf {
+    if path.is_symlink() { path.canonicalize().unwrap_or_else(|_| path.to_owned()) } else { path.to_owned() }
 }
 
 /// Writes a result to stdout, without what would control the terminal. A reader that has seen enough (`| head`) is no error.

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use comfy_table::{Cell, CellAlignment, Table, presets};
 
-use super::{print, selected::Selected};
+use super::{demo::counted, print, selected::Selected};
 use crate::{
     schedule::{
         cost::CostModel,
@@ -65,7 +65,7 @@ pub fn show(specs: &[ExperimentSpec], planned: &[Planned], explain: bool) -> any
     let differing =
         if differing > 0 { format!(", {differing} recorded by another specification") } else { String::new() };
     let mut repeated = 0;
-    for spec in specs {
+    for spec in specs.iter().filter(|spec| spec.matrix.len() > 1) {
         repeated += spec.named_runs() - crate::plan::plan(spec)?.len();
     }
     let repeated = match repeated {
@@ -73,12 +73,24 @@ pub fn show(specs: &[ExperimentSpec], planned: &[Planned], explain: bool) -> any
         n => format!("; the blocks name {n} of their runs again, which are run once"),
     };
     print(&format!(
-        "{table}\n{} runs, {finished} finished{differing}, {left} to do: about {} in one process{repeated}{}\n",
-        planned.len(),
+        "{table}\n{}, {finished} finished{differing}, {left} to do: about {} in one process{repeated}{}\n{}",
+        counted(planned.len(), "run"),
         clock(seconds_left),
         evaluated_otherwise(planned, &states),
+        whole_rollouts(planned),
     ))?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// What to say of runs that train noticeably more steps than they are given, since they take whole rollouts.
+fn whole_rollouts(planned: &[Planned]) -> String {
+    let longer = planned.iter().map(|run| &run.spec).filter(|spec| spec.trains_noticeably_longer());
+    let Some(first) = longer.clone().next() else { return String::new() };
+    let (trained, budget) = (thousands(first.trained_steps() as f64), thousands(first.budget.env_steps.get() as f64));
+    let (runs, take) = (counted(longer.count(), "run"), thousands(first.rollout.steps.get() as f64));
+    format!(
+        "{runs} will train longer than the budget, since rollouts of {take} steps are whole: {trained} steps for {budget}\n"
+    )
 }
 
 /// A table as all commands draw them.
@@ -129,16 +141,16 @@ fn reason(run: &Planned, state: &RunState) -> String {
     match state {
         RunState::ToDo => "will run: nothing is recorded".to_owned(),
         RunState::Interrupted { env_steps } => {
-            format!("will run: goes on from the checkpoint after {} steps", steps(*env_steps))
+            format!("will run: resumes from the checkpoint at {} steps", steps(*env_steps))
         }
         RunState::Running(_) => "will not run here: another process works on it".to_owned(),
         RunState::ToExtend { shorter, env_steps: Some(env_steps) } => {
             let recorded = steps(shorter.env_steps);
-            format!("will run: recorded with {recorded} steps, and goes on from its state after {}", steps(*env_steps))
+            format!("will run: recorded with {recorded} steps, and resumes from its state at {}", steps(*env_steps))
         }
         RunState::ToExtend { shorter, env_steps: None } => {
             let recorded = steps(shorter.env_steps);
-            format!("will run from its start: recorded with {recorded} steps, whose last state is not kept")
+            format!("will run from its start: recorded with {recorded} steps, whose last state was not kept")
         }
         RunState::Finished(manifest) => {
             let otherwise = match run.evaluated_otherwise(&manifest.stamp) {

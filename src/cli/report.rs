@@ -18,15 +18,16 @@ const VERDICT_FAILED: u8 = 3;
 pub fn run(selected: &Selected) -> anyhow::Result<ExitCode> {
     let Selected { only, axis, set, results, .. } = selected;
     let scope = Scope { only: only.clone(), axis: axis.clone(), set: set.clone() };
-    write(&selected.load()?, results, &scope)
+    write(&selected.load()?, results, &scope, false)
 }
 
 /// Writes the figures and tables of `experiments`, as far as `scope` goes, from what is recorded under `results`; shows each
-/// one's first table on stdout, and names what contradicts the paper in any of them, and the files. An experiment of which
+/// one's first table on stdout, and names what contradicts the paper in any of them, and the files; `quiet`, only what
+/// contradicts. An experiment of which
 /// there is nothing to report is named; that is an error where it is so of all.
 ///
 /// Exits with 3 when a value that can be compared with the paper's is not consistent with it.
-pub fn write(experiments: &[ExperimentSpec], results: &Path, scope: &Scope) -> anyhow::Result<ExitCode> {
+pub fn write(experiments: &[ExperimentSpec], results: &Path, scope: &Scope, quiet: bool) -> anyhow::Result<ExitCode> {
     let (mut consistent, mut without) = (true, Vec::new());
     for experiment in experiments {
         let name = &experiment.name;
@@ -41,7 +42,10 @@ pub fn write(experiments: &[ExperimentSpec], results: &Path, scope: &Scope) -> a
         let table = table.map_or_else(String::new, |table| format!("\n{}", report::terminal(table, terminal_width())));
         let files: String = written.files.iter().map(|file| format!("{}\n", file.display())).collect();
         let contradictions: String = written.tables.iter().map(contradictions).collect();
-        print(&format!("{name}: {}\n{table}\n{contradictions}{files}", written.state))?;
+        print(&match quiet {
+            true => contradictions.clone(),
+            false => format!("{name}: {}\n{table}\n{contradictions}{files}", written.state),
+        })?;
         consistent &= contradictions.is_empty();
     }
     if without.len() == experiments.len() {

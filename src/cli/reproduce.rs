@@ -27,7 +27,7 @@ use crate::{
 pub struct ReproduceArguments {
     /// A run's folder, or any result file: *.parquet and *.safetensors are compared alone, the others with their folder
     file: PathBuf,
-    /// Show failures alone
+    /// Show only failures
     #[arg(long, short)]
     quiet: bool,
 }

@@ -31,22 +31,22 @@ pub struct RunArguments {
     /// those that start share the rest]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
-    /// Try a run that failed so many times again, each time from its last checkpoint
+    /// Retry a failed run up to K times, each time from its last checkpoint
     #[arg(long, value_name = "K", default_value_t = 0)]
     retries: u32,
     /// Stop everything at the first failure
     #[arg(long)]
     fail_fast: bool,
-    /// Set aside (rename) what was recorded by another specification, and run anew
+    /// Set aside (rename) what was recorded with other settings or is damaged, and start again
     #[arg(long)]
     fresh: bool,
-    /// Kill a run that makes no progress for so long
+    /// Kill a run that makes no progress for this many seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 600, value_parser = clap::value_parser!(u64).range(1..))]
     hang_timeout: u64,
     /// Show what would be run, and stop
     #[arg(long)]
     dry_run: bool,
-    /// Show failures alone
+    /// Show only failures
     #[arg(long, short, conflicts_with = "verbose")]
     quiet: bool,
     /// Show evaluations, and log every iteration
@@ -99,8 +99,8 @@ pub fn run(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
     }
     // Of the whole file: `--only` says what to run, not what to forget of what has run before.
     let scope = Scope { axis: selected.axis.clone(), set: selected.set.clone(), ..Scope::default() };
-    let written =
-        report::write(&specs, &selected.results, &scope).context("the runs are recorded, but not their report");
+    let written = report::write(&specs, &selected.results, &scope, arguments.quiet)
+        .context("the runs are recorded, but not their report");
     if summary.failed.is_empty() && summary.left == 0 {
         return written;
     }
@@ -138,8 +138,8 @@ fn farewell(planned: usize, due: usize, summary: &Summary) -> String {
     let failed = if failed > 0 { format!(", {failed} failed") } else { String::new() };
     let left = match (summary.left, summary.interrupted) {
         (0, _) => String::new(),
-        (left, true) => format!(", {left} interrupted or not begun; the same command goes on from here"),
-        (left, false) => format!(", {left} stopped or not begun; the same command goes on from here"),
+        (left, true) => format!(", {left} interrupted or not begun; the same command resumes from here"),
+        (left, false) => format!(", {left} stopped or not begun; the same command resumes from here"),
     };
     format!("{finished} of {planned} runs finished{failed}{left}")
 }

@@ -26,7 +26,7 @@ pub struct Selected {
     /// Replace the list of an axis in every block that has it, such as seed=0,1
     #[arg(long, value_name = "KEY=VALUE,...")]
     pub axis: Vec<String>,
-    /// Keep to the runs that match, such as env=Hopper-v2,algorithm=mcpo
+    /// Only the runs that match, such as env=Hopper-v2,algorithm=mcpo
     #[arg(long, value_name = "KEY=VALUE,...")]
     pub only: Vec<String>,
     /// The folder of all results
@@ -108,6 +108,18 @@ impl Selected {
             return Err(InvalidFiles(missing).into());
         }
         Ok(preflight::plan(runs, &self.results)?)
+    }
+
+    /// What to say where nothing is recorded under [`results`](Self::results): which folder beside the files holds results of
+    /// these experiments.
+    pub fn elsewhere(&self, specs: &[ExperimentSpec]) -> String {
+        let holds = |folder: &Path| specs.iter().any(|spec| folder.join(&spec.name).join("runs").is_dir());
+        let beside = specs.iter().flat_map(|spec| [spec.folder.join("results"), spec.folder.join("../results")]);
+        let nothing = format!("nothing is recorded under {}", self.results.display());
+        match beside.into_iter().filter(|_| !holds(&self.results)).find(|folder| holds(folder)) {
+            Some(folder) => format!("{nothing}; {} holds results: --results names it\n", folder.display()),
+            None => format!("{nothing}\n"),
+        }
     }
 
     /// The files that are named, and those of the folders that are.

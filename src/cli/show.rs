@@ -7,7 +7,7 @@ use std::{
 
 use anyhow::{Context, bail};
 
-use super::{demo::counted, print};
+use super::{demo::counted, named, print};
 use crate::record::{Demonstrated, Manifest, Outcome, RunPaths, Stamp, policy, rows};
 
 /// Which file.
@@ -19,7 +19,7 @@ pub struct ShowArguments {
 
 /// Prints where the file comes from.
 pub fn run(arguments: &ShowArguments) -> anyhow::Result<ExitCode> {
-    let path = &arguments.file;
+    let path = &named(&arguments.file);
     let (stamp, manifest) = provenance(path)?;
     print(&render(path, &stamp, manifest.as_ref())?)?;
     Ok(ExitCode::SUCCESS)
@@ -45,7 +45,7 @@ pub(super) fn provenance(path: &Path) -> anyhow::Result<(Stamp, Option<Manifest>
     let stamp = own
         .as_ref()
         .or(beside)
-        .with_context(|| format!("{} carries no provenance, and no run.json is beside it", path.display()))?;
+        .with_context(|| format!("{} carries no provenance, and there is no run.json beside it", path.display()))?;
     // A policy does not name its caller; its run does.
     let of_this_run = beside.filter(|beside| beside.fingerprint == stamp.fingerprint);
     let stamp = Stamp {

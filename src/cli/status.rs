@@ -5,6 +5,7 @@ use std::{collections::BTreeMap, process::ExitCode};
 use comfy_table::Cell;
 
 use super::{
+    demo::counted,
     plan::{evaluated_otherwise, seconds_of, table, word},
     print,
     selected::Selected,
@@ -21,6 +22,9 @@ pub fn run(selected: &Selected) -> anyhow::Result<ExitCode> {
     let planned = selected.planned(&specs)?;
     let states = planned.iter().map(Planned::state).collect::<Result<Vec<_>, _>>()?;
     print(&render(&planned, &states))?;
+    if states.iter().all(|state| matches!(state, RunState::ToDo)) {
+        print(&selected.elsewhere(&specs))?;
+    }
     Ok(ExitCode::SUCCESS)
 }
 
@@ -73,7 +77,7 @@ fn render(planned: &[Planned], states: &[RunState]) -> String {
             RunState::ToExtend { shorter, env_steps: None } => {
                 let recorded = thousands(shorter.env_steps as f64);
                 format!(
-                    "from its start to {} steps: the last state of its {recorded} is not kept",
+                    "from its start to {} steps: the last state of its {recorded} was not kept",
                     thousands(steps as f64)
                 )
             }
@@ -92,6 +96,6 @@ fn render(planned: &[Planned], states: &[RunState]) -> String {
         n => format!("; about {} left at {n} at a time", clock(left / rate)),
     };
     let otherwise = evaluated_otherwise(planned, states);
-    let whole = format!("{} runs: {}{time}{otherwise}\n", planned.len(), counts.join(", "));
+    let whole = format!("{}: {}{time}{otherwise}\n", counted(planned.len(), "run"), counts.join(", "));
     if lines.row_count() == 0 { whole } else { format!("{lines}\n{whole}") }
 }

@@ -31,23 +31,23 @@ pub struct VerifyArguments {
     /// The folder that holds the recorded `runs/` of this experiment
     #[arg(long, value_name = "DIR")]
     against: PathBuf,
-    /// Keep to the runs that match, such as env=Hopper-v2,algorithm=mcpo
+    /// Only the runs that match, such as env=Hopper-v2,algorithm=mcpo
     #[arg(long, value_name = "KEY=VALUE,...")]
     only: Vec<String>,
-    /// Keep what is computed in this folder of results, and go on from what it holds [default: a temporary one]
+    /// Keep what is computed in this folder of results, and resume from what it holds [default: a temporary one]
     #[arg(long, value_name = "DIR")]
     results: Option<PathBuf>,
     /// Runs at a time, one process each [default: the physical cores]
     #[arg(long, short, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     jobs: Option<u16>,
-    /// Make DIR, which may not be there yet, the record: rows and manifests without hosts, command lines, logs or policies
+    /// Make DIR, which must not exist yet, the record: rows and manifests without hosts, command lines, logs or policies
     #[arg(long)]
     record: bool,
     /// Insist on the same bits where the record was made on this class of machine: one that other versions of the program or of
     /// MuJoCo made is then a difference
     #[arg(long, conflicts_with = "record")]
     exact: bool,
-    /// Show failures alone
+    /// Show only failures
     #[arg(long, short)]
     quiet: bool,
 }
@@ -56,7 +56,7 @@ pub struct VerifyArguments {
 pub fn run(arguments: &VerifyArguments) -> anyhow::Result<ExitCode> {
     let against = &arguments.against;
     if arguments.record && against.exists() {
-        bail!("{} is there already; remove it to record it anew", against.display());
+        bail!("{} already exists; remove it to record it again", against.display());
     }
     if !arguments.record && !against.join("runs").is_dir() {
         bail!("{} holds no recorded runs (there is no {}/runs)", against.display(), against.display());
@@ -137,9 +137,10 @@ fn difference(
         }
         (before, now) => return Ok(Some(format!("recorded as {before:?}, now {now:?}"))),
     }
+    before.check_tables(recorded)?;
     let exactness = match inexact(&before, &now.stamp) {
         None => Exactness::Bits,
-        Some(Inexact::Versions(reason)) if exact => return Ok(Some(format!("{reason}: it is to be made anew"))),
+        Some(Inexact::Versions(reason)) if exact => return Ok(Some(format!("{reason}: it must be recorded again"))),
         Some(Inexact::Versions(reason) | Inexact::Machine(reason)) => {
             elsewhere.insert(reason);
             Exactness::FirstIteration
@@ -154,7 +155,8 @@ fn recorded_ids(folder: &Path, prefix: &str) -> anyhow::Result<Vec<String>> {
     let entries = fs::read_dir(folder).with_context(|| format!("cannot read {}", folder.display()))?;
     for entry in entries {
         let entry = entry.with_context(|| format!("cannot read {}", folder.display()))?;
-        if entry.path().is_dir() {
+        // Not through links, which may lead in a circle.
+        if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
             let id = format!("{prefix}{}", entry.file_name().to_string_lossy());
             let is_run = RunPaths::manifest(&entry.path()).exists();
             ids.extend(if is_run { vec![id] } else { recorded_ids(&entry.path(), &format!("{id}/"))? });

@@ -51,11 +51,12 @@ impl RunSpec {
         lines.iter().map(|(key, value)| format!("{key} = {value}\n")).collect()
     }
 
-    /// Everything that is set, as one text: runs of one experiment with one identity are one. How often a run saves what it
-    /// could go on from makes no other run.
+    /// Everything that is set but for the seed, as one text: runs of one experiment with one identity and seed are one. How
+    /// often a run saves what it could go on from makes no other run.
     pub(super) fn identity(&self) -> String {
         let mut lines = all(self);
         lines.remove("checkpoint.every_seconds");
+        lines.remove("seed");
         format!("{lines:?} {:?}", self.demonstration)
     }
 
@@ -63,6 +64,12 @@ impl RunSpec {
     pub fn trained_steps(&self) -> u64 {
         let steps = self.rollout.steps.get();
         if self.algorithm.trains() { self.budget.env_steps.get().div_ceil(steps).saturating_mul(steps) } else { 0 }
+    }
+
+    /// Whether the rollout that its budget ends in makes it longer by more than a hundredth.
+    pub fn trains_noticeably_longer(&self) -> bool {
+        let budget = self.budget.env_steps.get();
+        self.trained_steps() > budget.saturating_add(budget / 100)
     }
 
     /// The settings and hyperparameters that are not the defaults of its environment and algorithm: `mcpo.mmd.bandwidth`,

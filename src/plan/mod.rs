@@ -11,7 +11,7 @@ mod selection;
 mod values;
 
 use std::{
-    collections::{BTreeMap, BTreeSet, HashMap},
+    collections::{BTreeMap, BTreeSet, HashMap, HashSet},
     path::PathBuf,
 };
 
@@ -95,7 +95,7 @@ const DEMONSTRATIONS: &str = "demonstrations";
 /// would have one id.
 pub fn plan(spec: &ExperimentSpec) -> Result<Vec<RunSpec>, PlanError> {
     let mut runs: Vec<RunSpec> = Vec::new();
-    let mut known: HashMap<String, usize> = HashMap::new();
+    let mut known = HashSet::new();
     let mut ids: HashMap<String, usize> = HashMap::new();
     let columns = columns::keys(spec);
     let mut resolved = Vec::new();
@@ -112,16 +112,17 @@ pub fn plan(spec: &ExperimentSpec) -> Result<Vec<RunSpec>, PlanError> {
     for (block, env, settings, algorithm, keys) in resolved {
         let names = Names { columns: &columns, demonstrations: &demonstrations[&env] };
         let run = RunSpec::new(spec, env, settings, algorithm, &keys, names);
+        // Of all its seeds at once: there may be many.
+        let identity = blake3::hash(run.identity().as_bytes());
         for &seed in &block.seed {
-            let run = RunSpec { id: format!("{}/seed-{seed}", run.id), seed: Seed(seed), ..run.clone() };
-            if known.contains_key(&run.identity()) {
+            if !known.insert((identity, seed)) {
                 continue;
             }
+            let run = RunSpec { id: format!("{}/seed-{seed}", run.id), seed: Seed(seed), ..run.clone() };
             if let Some(&other) = ids.get(&run.id) {
                 let differences = identity::all_differences(&runs[other], &run);
                 return Err(PlanError::SameId { id: run.id, differences });
             }
-            known.insert(run.identity(), runs.len());
             ids.insert(run.id.clone(), runs.len());
             runs.push(run);
         }

@@ -1,12 +1,13 @@
 //! The claim on a run: who holds it may write to the run's folder.
 
 use std::{
-    fs::{self, File, TryLockError},
+    fs::{self, File, OpenOptions, TryLockError},
     io, thread,
     time::Duration,
 };
 
-use super::{RecordError, RunPaths, io_error};
+use super::{RecordError, RunPaths, io_error, opened_or};
+use crate::intake::{self, Links};
 
 /// How often a claim is tried for, and the pause between: whoever asks whether it is held holds it for a moment.
 const TRIES: u32 = 20;
@@ -27,7 +28,9 @@ impl Claim {
         if let Some(folder) = paths.claim.parent() {
             fs::create_dir_all(folder).map_err(refused)?;
         }
-        let file = File::create(&paths.claim).map_err(refused)?;
+        // What the file holds is left alone: it may be another's that was put here under this name.
+        let options = OpenOptions::new().write(true).create(true).truncate(false).clone();
+        let file = intake::open(&paths.claim, Links::Refuse, &options).map_err(opened_or(&paths.claim, "claim"))?;
         for left in (0..TRIES).rev() {
             match file.try_lock() {
                 Ok(()) => return Ok(Some(Self { _file: file })),
@@ -43,10 +46,10 @@ impl Claim {
     ///
     /// Errors: the file of the lock is there and cannot be read.
     pub fn is_held(paths: &RunPaths) -> Result<bool, RecordError> {
-        let file = match File::open(&paths.claim) {
+        let file = match intake::open(&paths.claim, Links::Refuse, OpenOptions::new().read(true)) {
             Ok(file) => file,
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(false),
-            Err(error) => return Err(io_error("read", &paths.claim)(error)),
+            Err(error) => return Err(opened_or(&paths.claim, "read")(error)),
         };
         match file.try_lock_shared() {
             Ok(()) => Ok(false),
@@ -71,6 +74,22 @@ mod tests {
         drop(claim);
         assert!(!Claim::is_held(&paths).expect("readable"));
         assert!(Claim::take(&paths).expect("no error").is_some());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_in_the_claims_place_leaves_the_other_file_alone() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let paths = RunPaths::new(folder.path(), "e", "a/seed-0").expect("a good id");
+        let other = folder.path().join("other");
+        fs::write(&other, "somebody's").expect("written");
+        fs::create_dir_all(paths.claim.parent().expect("a folder")).expect("made");
+        std::os::unix::fs::symlink(&other, &paths.claim).expect("linked");
+        assert!(Claim::take(&paths).is_err() && Claim::is_held(&paths).is_err());
+        fs::remove_file(&paths.claim).expect("there");
+        fs::hard_link(&other, &paths.claim).expect("linked");
+        drop(Claim::take(&paths).expect("made"));
+        assert_eq!(fs::read_to_string(&other).expect("readable"), "somebody's");
     }
 
     #[test]

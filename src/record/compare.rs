@@ -8,9 +8,8 @@
 
 use std::path::Path;
 
-use polars::prelude::{AnyValue, DataFrame, PolarsResult};
-
 use super::{Manifest, RecordError, RunPaths, policy, rows};
+use crate::parquet::{Cell, Cells, Table};
 
 /// How far a number of the first iteration may be from the recorded one in another numeric class, as a part of the larger
 /// one: nearly twice what was seen (0.027) between sums in vectors of 16 numbers and sums in order.
@@ -66,7 +65,9 @@ pub fn runs(recorded: &Path, computed: &Path, exactness: Exactness) -> Result<Op
 /// Errors: a file is missing or no table of results.
 pub fn tables(recorded: &Path, computed: &Path, exactness: Exactness) -> Result<Option<Difference>, RecordError> {
     let (before, now) = (rows::read(recorded)?, rows::read(computed)?);
-    first_difference(&before, &now, exactness).map_err(|error| rows::malformed(recorded, error))
+    let columns = |path, table: &Table| Columns::of(table).map_err(|reason| rows::malformed(path, reason));
+    let (before, now) = (columns(recorded, &before)?, columns(computed, &now)?);
+    first_difference(&before, &now, exactness).map_err(|reason| rows::malformed(recorded, reason))
 }
 
 /// The difference between two policies.
@@ -95,25 +96,48 @@ fn differing(place: &str, column: &str, recorded: Option<String>, computed: Opti
     })
 }
 
-fn first_difference(before: &DataFrame, now: &DataFrame, exactness: Exactness) -> PolarsResult<Option<Difference>> {
-    let names =
-        |frame: &DataFrame| frame.get_column_names().iter().map(|name| name.as_str()).collect::<Vec<_>>().join(", ");
-    if names(before) != names(now) {
-        return Ok(differing("table", "its columns", Some(names(before)), Some(names(now))));
+/// The columns of a table by name, in its order.
+struct Columns {
+    cells: Vec<(String, Cells)>,
+    height: usize,
+}
+
+impl Columns {
+    fn of(table: &Table) -> Result<Self, String> {
+        let named = |name: &str| Ok((name.to_owned(), table.cells(name)?));
+        let cells = table.columns().into_iter().map(named).collect::<Result<_, String>>()?;
+        Ok(Self { cells, height: table.rows() })
     }
-    for row in 0..before.height().max(now.height()) {
-        let there = |frame: &DataFrame| row < frame.height();
+
+    fn names(&self) -> String {
+        self.cells.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ")
+    }
+
+    /// The whole number of `row` in column `name`; `None` where there is no such column.
+    fn number(&self, name: &str, row: usize) -> Option<u64> {
+        match self.cells.iter().find(|(found, _)| found == name)?.1.get(row) {
+            Cell::Unsigned(number) => Some(number),
+            _ => None,
+        }
+    }
+}
+
+fn first_difference(before: &Columns, now: &Columns, exactness: Exactness) -> Result<Option<Difference>, String> {
+    if before.names() != now.names() {
+        return Ok(differing("table", "its columns", Some(before.names()), Some(now.names())));
+    }
+    for row in 0..before.height.max(now.height) {
+        let there = |columns: &Columns| row < columns.height;
         let place = place(if there(before) { before } else { now }, row)?;
         if exactness == Exactness::FirstIteration && !place.first {
             continue;
         }
         if there(before) != there(now) {
-            let shown = |frame| Some(if there(frame) { "there" } else { "absent" }.to_owned());
+            let shown = |columns| Some(if there(columns) { "there" } else { "absent" }.to_owned());
             return Ok(differing(&place.name, "the row", shown(before), shown(now)));
         }
-        for (recorded, computed) in before.columns().iter().zip(now.columns()) {
-            let name = recorded.name().as_str();
-            let (recorded, computed) = (recorded.get(row)?, computed.get(row)?);
+        for ((name, recorded), (_, computed)) in before.cells.iter().zip(&now.cells) {
+            let (recorded, computed) = (recorded.get(row), computed.get(row));
             if !name.ends_with(CLOCK) && !equal(&recorded, &computed, exactness) {
                 return Ok(differing(&place.name, name, Some(shown(&recorded)), Some(shown(&computed))));
             }
@@ -128,21 +152,20 @@ struct RowPlace {
     first: bool,
 }
 
-fn place(frame: &DataFrame, row: usize) -> PolarsResult<RowPlace> {
-    let number = |column: &str| Ok::<_, polars::prelude::PolarsError>(frame.column(column)?.get(row)?.extract::<u64>());
-    let shown = |number: Option<u64>| number.map_or_else(|| "?".to_owned(), |number| number.to_string());
-    if let Ok(iteration) = number("iteration") {
-        return Ok(RowPlace { name: format!("iteration {}", shown(iteration)), first: iteration == Some(1) });
+fn place(columns: &Columns, row: usize) -> Result<RowPlace, String> {
+    if let Some(iteration) = columns.number("iteration", row) {
+        return Ok(RowPlace { name: format!("iteration {iteration}"), first: iteration == 1 });
     }
-    let (env_steps, episode) = (number("env_steps")?, number("episode")?);
-    let name = format!("evaluation after {} steps, episode {}", shown(env_steps), shown(episode));
-    Ok(RowPlace { name, first: env_steps == Some(0) })
+    let numbers = columns.number("env_steps", row).zip(columns.number("episode", row));
+    let (env_steps, episode) = numbers.ok_or_else(|| format!("row {row} names no iteration and no episode"))?;
+    let name = format!("evaluation after {env_steps} steps, episode {episode}");
+    Ok(RowPlace { name, first: env_steps == 0 })
 }
 
-fn equal(recorded: &AnyValue<'_>, computed: &AnyValue<'_>, exactness: Exactness) -> bool {
+fn equal(recorded: &Cell, computed: &Cell, exactness: Exactness) -> bool {
     match (recorded, computed, exactness) {
-        (AnyValue::Float64(a), AnyValue::Float64(b), Exactness::Bits) => a.to_bits() == b.to_bits(),
-        (AnyValue::Float64(a), AnyValue::Float64(b), Exactness::FirstIteration) => {
+        (Cell::Number(a), Cell::Number(b), Exactness::Bits) => a.to_bits() == b.to_bits(),
+        (Cell::Number(a), Cell::Number(b), Exactness::FirstIteration) => {
             (a - b).abs() <= NEGLIGIBLE.max(TOLERANCE * a.abs().max(b.abs()))
         }
         _ => recorded == computed,
@@ -150,10 +173,14 @@ fn equal(recorded: &AnyValue<'_>, computed: &AnyValue<'_>, exactness: Exactness)
 }
 
 /// A cell with all its digits.
-fn shown(value: &AnyValue<'_>) -> String {
-    match value {
-        AnyValue::Float64(number) => format!("{number:?}"),
-        other => other.to_string(),
+fn shown(cell: &Cell) -> String {
+    match cell {
+        Cell::Null => "null".to_owned(),
+        Cell::Truth(truth) => truth.to_string(),
+        Cell::Signed(number) => number.to_string(),
+        Cell::Unsigned(number) => number.to_string(),
+        Cell::Number(number) => format!("{number:?}"),
+        Cell::Text(text) => format!("{text:?}"),
     }
 }
 

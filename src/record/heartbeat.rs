@@ -1,10 +1,11 @@
 //! A running run's sign of life, for `mcpo-run status` in another terminal.
 
-use std::path::Path;
+use std::{fs::OpenOptions, io::Write, path::Path};
 
 use serde::{Deserialize, Serialize};
 
-use super::{RecordError, io_error, read_bounded};
+use super::{RecordError, io_error, opened_or, read_bounded};
+use crate::intake::{self, Links};
 
 /// How far a run is.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -26,7 +27,9 @@ impl Heartbeat {
     /// Errors: the disk refuses.
     pub fn write(&self, path: &Path) -> Result<(), RecordError> {
         let text = serde_json::to_vec(self).map_err(|error| io_error("write", path)(error.into()))?;
-        std::fs::write(path, text).map_err(io_error("write", path))
+        let options = OpenOptions::new().write(true).create(true).truncate(true).clone();
+        let mut file = intake::open(path, Links::Refuse, &options).map_err(opened_or(path, "write"))?;
+        file.write_all(&text).map_err(io_error("write", path))
     }
 
     /// The last one; `None` where there is none that can be read.
@@ -38,6 +41,19 @@ impl Heartbeat {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_in_its_place_leaves_the_other_file_alone() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (path, other) = (folder.path().join("heartbeat.json"), folder.path().join("other"));
+        std::fs::write(&other, "somebody's").expect("written");
+        std::os::unix::fs::symlink(&other, &path).expect("linked");
+        let heartbeat =
+            Heartbeat { env_steps: 5, steps_per_second: 2.0, training_return: None, written: super::super::now() };
+        assert!(heartbeat.write(&path).is_err());
+        assert_eq!(std::fs::read_to_string(&other).expect("readable"), "somebody's");
+    }
 
     #[test]
     fn half_a_heartbeat_counts_as_none() {

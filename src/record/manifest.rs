@@ -4,12 +4,10 @@ use std::{collections::BTreeSet, path::Path};
 
 use serde::{Deserialize, Serialize};
 
-use super::{Build, RecordError, RunPaths, Stamp, now, read_bounded, write_atomically};
+use super::{Build, RecordError, RunPaths, Stamp, now, read_bounded, rows, write_atomically};
 
 /// The largest `run.json` that is read, bytes.
 const LIMIT: u64 = 16 << 20;
-/// The largest table whose digest is taken, bytes.
-const TABLE_LIMIT: u64 = 1 << 30;
 
 /// `run.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -47,7 +45,7 @@ impl TableDigests {
     /// Errors: one is missing or cannot be read.
     pub fn of(folder: &Path) -> Result<Self, RecordError> {
         let digest = |path: &Path| {
-            let bytes = read_bounded(path, TABLE_LIMIT)?;
+            let bytes = read_bounded(path, rows::LIMIT)?;
             let absent = || RecordError::Damaged { path: path.to_owned(), reason: "it is missing".to_owned() };
             Ok(blake3::hash(&bytes.ok_or_else(absent)?).to_hex().to_string())
         };

@@ -34,6 +34,8 @@ pub use provenance::{Build, Demonstrated, Origin, Stamp, cpu_class, now};
 pub use repository::Git;
 pub use under_way::UnderWay;
 
+use crate::intake::{self, Links};
+
 /// How the names of files begin that are not yet in their place.
 const WRITING: &str = ".writing-";
 
@@ -82,7 +84,7 @@ pub enum RecordError {
 fn hint(source: &io::Error) -> &'static str {
     match source.kind() {
         io::ErrorKind::StorageFull => {
-            "; make room and run again: what is recorded is kept, and runs go on from their checkpoints"
+            "; free some space and run again: what is recorded is kept, and runs resume from their checkpoints"
         }
         io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
             "; make it writable or name another folder with --results"
@@ -132,21 +134,25 @@ pub(crate) fn rename(from: &Path, to: &Path) -> Result<(), RecordError> {
     to.parent().map_or(Ok(()), sync_folder)
 }
 
-/// The content of a file of at most `limit` bytes; `None` where there is no such file.
+/// The content of a regular file of at most `limit` bytes; `None` where there is no such file.
+///
+/// Errors: it is a link, a pipe or the like, or longer, or the system refuses.
 pub(crate) fn read_bounded(path: &Path, limit: u64) -> Result<Option<Vec<u8>>, RecordError> {
-    match fs::metadata(path) {
-        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-        Err(error) => return Err(io_error("read", path)(error)),
-        Ok(metadata) if metadata.len() > limit => {
-            let reason = format!("it has {} bytes; at most {limit} are read", metadata.len());
-            return Err(RecordError::Malformed { path: path.to_owned(), expected: "a file of this program", reason });
-        }
-        Ok(_) => {}
-    }
-    match fs::read(path) {
+    match intake::read(path, Links::Refuse, limit) {
         Ok(bytes) => Ok(Some(bytes)),
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
-        Err(error) => Err(io_error("read", path)(error)),
+        Err(error) => Err(opened_or(path, "read")(error)),
+    }
+}
+
+/// Turns what [`intake`] says into ours: that a file is none of ours is no fault of the system's.
+pub(crate) fn opened_or(path: &Path, action: &'static str) -> impl FnOnce(io::Error) -> RecordError {
+    let path = path.to_owned();
+    move |source| match source.kind() {
+        io::ErrorKind::InvalidInput => {
+            RecordError::Malformed { path, expected: "a file of this program", reason: source.to_string() }
+        }
+        _ => RecordError::Io { action, path, source },
     }
 }
 

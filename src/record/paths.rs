@@ -5,7 +5,10 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use super::{Manifest, Outcome, RecordError, WRITING, io_error, rename, write_atomically};
+use super::{Manifest, Outcome, RecordError, WRITING, io_error, read_bounded, rename, write_atomically};
+
+/// The largest log or policy that a longer run takes over from the finished one, bytes.
+const BROUGHT_ALONG: u64 = 1 << 30;
 
 /// The places of one run.
 ///
@@ -111,6 +114,7 @@ impl RunPaths {
     ///
     /// Errors: the folders cannot be made, renamed or read.
     pub fn open(&self) -> Result<(), RecordError> {
+        self.refuse_links()?;
         self.settle()?;
         let finished = self.ended()?.is_some_and(|ended| ended.outcome == Outcome::Finished);
         if self.complete.exists() && !finished && !self.partial.exists() {
@@ -119,6 +123,17 @@ impl RunPaths {
         fs::create_dir_all(&self.partial).map_err(io_error("create", &self.partial))?;
         self.remove_half_written()?;
         if finished { self.bring_along() } else { Ok(()) }
+    }
+
+    /// Errors: a folder of the run is a link: what is written or removed there would be somebody else's.
+    fn refuse_links(&self) -> Result<(), RecordError> {
+        match [&self.partial, &self.complete].into_iter().find(|folder| folder.is_symlink()) {
+            Some(folder) => {
+                let reason = "it is a link to another folder, and links are not followed there".to_owned();
+                Err(RecordError::Malformed { path: folder.clone(), expected: "a run's folder", reason })
+            }
+            None => Ok(()),
+        }
     }
 
     /// Puts what was written into its place, with `manifest` as its last word. A run that failed keeps its checkpoint, to go
@@ -185,9 +200,10 @@ impl RunPaths {
                 files.push((entry.path(), own.join(entry.file_name())));
             }
         }
-        for (from, to) in files.into_iter().filter(|(from, to)| from.exists() && !to.exists()) {
-            let bytes = fs::read(&from).map_err(io_error("read", &from))?;
-            write_atomically(&to, &bytes)?;
+        for (from, to) in files.into_iter().filter(|(_, to)| !to.exists()) {
+            if let Some(bytes) = read_bounded(&from, BROUGHT_ALONG)? {
+                write_atomically(&to, &bytes)?;
+            }
         }
         Ok(())
     }
@@ -329,6 +345,21 @@ mod tests {
         let paths = RunPaths::new(Path::new("r"), "ablation", "HalfCheetah-v2/mcpo d=0.001/seed-0").expect("a good id");
         assert_eq!(paths.complete, Path::new("r/ablation/runs/HalfCheetah-v2/mcpo d=0.001/seed-0"));
         assert_eq!(paths.partial, Path::new("r/ablation/runs/HalfCheetah-v2/mcpo d=0.001/seed-0.partial"));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_folder_that_is_a_link_is_not_written_to() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let paths = RunPaths::new(folder.path(), "e", "a/b").expect("a good id");
+        let other = folder.path().join("other");
+        fs::create_dir_all(&other).expect("made");
+        fs::write(other.join(".writing-theirs"), "somebody's").expect("written");
+        fs::create_dir_all(paths.partial.parent().expect("a folder")).expect("made");
+        std::os::unix::fs::symlink(&other, &paths.partial).expect("linked");
+        let error = paths.open().expect_err("a link").to_string();
+        assert!(error.contains("b.partial") && error.contains("a link"), "{error}");
+        assert_eq!(fs::read_dir(&other).expect("readable").count(), 1);
     }
 
     #[test]

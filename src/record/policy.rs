@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 use super::{RecordError, Stamp, read_bounded, write_atomically};
 use crate::{
     algo::Agent,
+    env::Spaces,
     nn::{GaussianPolicy, Mlp, Normalizer},
     rng::{Seed, Stream},
 };
@@ -33,6 +34,20 @@ pub fn write(path: &Path, agent: &Agent, stamp: &Stamp) -> Result<(), RecordErro
 /// Errors: there is no such file, it is damaged, its shapes do not fit together, or a number is not finite.
 pub fn read(path: &Path) -> Result<(Agent, Stamp), RecordError> {
     decode(&bytes(path)?).map_err(|reason| malformed(path, reason))
+}
+
+/// As [`read`], where it must be able to act within `spaces`.
+///
+/// Errors: also its observations or actions have another number of numbers.
+pub fn read_for(path: &Path, spaces: Spaces) -> Result<(Agent, Stamp), RecordError> {
+    let (agent, stamp) = read(path)?;
+    let found = (agent.normalizer.mean().len(), agent.policy.dim());
+    let expected = (spaces.observation_dim, spaces.action_dim);
+    if found != expected {
+        let shape = |(observation, action)| format!("observations of {observation} and actions of {action} numbers");
+        return Err(malformed(path, format!("it has {}; its environment has {}", shape(found), shape(expected))));
+    }
+    Ok((agent, stamp))
 }
 
 /// The BLAKE3 digest of the numbers in a policy's file, whatever it says beside them.

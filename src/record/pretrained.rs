@@ -5,7 +5,7 @@
 //! anew, to the same bits.
 
 use std::{
-    fs::{self, File, TryLockError},
+    fs::{self, File, OpenOptions, TryLockError},
     path::Path,
     thread,
     time::Duration,
@@ -16,10 +16,11 @@ use tracing::{info, warn};
 use super::{
     RecordError,
     checkpoint::{read_sealed, write_sealed},
-    io_error,
+    io_error, opened_or,
 };
 use crate::{
     algo::Agent,
+    intake::{self, Links},
     train::{Pretrain, TrainError},
 };
 
@@ -49,7 +50,7 @@ pub fn pretrained(
             return Ok(agent);
         }
         Ok(None) => {}
-        Err(error) => warn!("{error}; it is trained anew"),
+        Err(error) => warn!("{error}; training it again"),
     }
     let agent = train(alive)?;
     write_sealed(&path, NAME, key, &agent)?;
@@ -61,7 +62,8 @@ pub fn pretrained(
 fn lock(folder: &Path, path: &Path, alive: &mut dyn FnMut()) -> Result<File, RecordError> {
     const LOOK: Duration = Duration::from_millis(100);
     fs::create_dir_all(folder).map_err(io_error("create", folder))?;
-    let file = File::create(path).map_err(io_error("create", path))?;
+    let options = OpenOptions::new().write(true).create(true).truncate(false).clone();
+    let file = intake::open(path, Links::Refuse, &options).map_err(opened_or(path, "create"))?;
     loop {
         match file.try_lock() {
             Ok(()) => return Ok(file),

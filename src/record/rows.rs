@@ -2,19 +2,23 @@
 //!
 //! Every row begins with its run's keys, and every file has the same columns of the same types whatever the algorithm, so
 //! that all of them can be scanned as one table. A quantity that a run does not have is null.
+//!
+//! polars writes them; [`crate::parquet`] reads them, since a record may be damaged, or a stranger's.
 
-use std::{collections::BTreeMap, fs::File, path::Path};
+use std::{collections::BTreeMap, path::Path, sync::Arc};
 
-use polars::prelude::{
-    Column, DataFrame, DataType, KeyValueMetadata, ParquetReader, ParquetWriter, PolarsError, PolarsResult, SerReader,
-};
+use polars::prelude::{Column, DataFrame, KeyValueMetadata, ParquetWriter, PolarsError, PolarsResult};
 
-use super::{RecordError, Stamp, io_error, write_atomically};
+use super::{RecordError, Stamp, io_error, read_bounded, write_atomically};
 use crate::{
     algo::Update,
+    parquet::{Cells, MAX_NUMBERS, Table},
     plan::{AxisValue, RunSpec},
     train::{EvaluationEpisode, Iteration},
 };
+
+/// The largest table that is read, bytes.
+pub(super) const LIMIT: u64 = 1 << 28;
 
 /// What every row begins with.
 #[derive(Debug, Clone, PartialEq)]
@@ -54,44 +58,50 @@ impl From<&RunSpec> for Keys {
 
 /// The kinds of cells that columns hold.
 trait Cell: Sized {
-    /// The type of the column.
-    const TYPE: DataType;
+    /// The type of the column, as a message calls it.
+    const TYPE: &str;
     /// The column of these cells.
     fn column(name: &str, cells: Vec<Self>) -> Column;
-    /// The cells of a column; `None` when a cell is null that may not be.
-    fn cells(column: &Column) -> PolarsResult<Option<Vec<Self>>>;
+    /// The cells of a column. Errors: it is of another type, or a cell is null that may not be.
+    fn of(cells: Cells) -> Result<Vec<Self>, String>;
 }
 
 macro_rules! cell {
-    ($($cell:ty = $type:ident by $cells:ident as $get:expr;)*) => {$(
+    ($($cell:ty = $cells:ident, $type:literal as $get:expr;)*) => {$(
         impl Cell for $cell {
-            const TYPE: DataType = DataType::$type;
+            const TYPE: &str = $type;
 
             fn column(name: &str, cells: Vec<Self>) -> Column {
                 Column::new(name.into(), cells)
             }
 
-            fn cells(column: &Column) -> PolarsResult<Option<Vec<Self>>> {
+            fn of(cells: Cells) -> Result<Vec<Self>, String> {
                 let get: fn(Option<_>) -> Option<Self> = $get;
-                Ok(column.$cells()?.iter().map(get).collect())
+                match cells {
+                    Cells::$cells(cells) => {
+                        let cells: Option<Vec<Self>> = cells.into_iter().map(get).collect();
+                        cells.ok_or_else(|| "has nulls; it may have none".to_owned())
+                    }
+                    other => Err(format!("holds {}; expected {}", other.name(), Self::TYPE)),
+                }
             }
         }
     )*};
 }
 
 cell! {
-    u64 = UInt64 by u64 as |cell| cell;
-    f64 = Float64 by f64 as |cell| cell;
-    bool = Boolean by bool as |cell| cell;
-    String = String by str as |cell: Option<&str>| cell.map(str::to_owned);
-    Option<bool> = Boolean by bool as Some;
-    Option<i64> = Int64 by i64 as Some;
-    Option<u64> = UInt64 by u64 as Some;
-    Option<f64> = Float64 by f64 as Some;
-    Option<String> = String by str as |cell: Option<&str>| Some(cell.map(str::to_owned));
+    u64 = Unsigned, "whole numbers" as |cell| cell;
+    f64 = Numbers, "numbers" as |cell| cell;
+    bool = Truths, "truth values" as |cell| cell;
+    String = Texts, "text" as |cell: Option<Arc<str>>| cell.map(|text| text.to_string());
+    Option<bool> = Truths, "truth values" as Some;
+    Option<i64> = Signed, "whole numbers with a sign" as Some;
+    Option<u64> = Unsigned, "whole numbers" as Some;
+    Option<f64> = Numbers, "numbers" as Some;
+    Option<String> = Texts, "text" as |cell: Option<Arc<str>>| Some(cell.map(|text| text.to_string()));
 }
 
-/// The names and two functions from one list of columns: `$to` makes the frame of rows, `$from` the rows of a frame. `$row` names every
+/// The names and two functions from one list of columns: `$to` makes the frame of rows, `$from` the rows of a table. `$row` names every
 /// field of the row, so that a field which is added elsewhere cannot be forgotten here.
 macro_rules! table {
     ($names:ident, $to:ident, $from:ident, $row:ident; $($column:ident: $cell:ty = $($path:ident).+;)*; $build:expr) => {
@@ -104,10 +114,10 @@ macro_rules! table {
             DataFrame::new(rows.len(), columns)
         }
 
-        fn $from(frame: &DataFrame) -> PolarsResult<Vec<$row>> {
-            $(let mut $column = cells::<$cell>(frame, stringify!($column))?.into_iter();)*
-            let mut rows = Vec::with_capacity(frame.height());
-            for _ in 0..frame.height() {
+        fn $from(table: &Table) -> Result<Vec<$row>, String> {
+            $(let mut $column = cells::<$cell>(table, stringify!($column))?.into_iter();)*
+            let mut rows = Vec::new();
+            for _ in 0..table.rows() {
                 $(let Some($column) = $column.next() else { break };)*
                 rows.push($build);
             }
@@ -196,33 +206,31 @@ fn key_columns(keys: &Keys, height: usize) -> Vec<Column> {
     columns
 }
 
-/// The axes of a frame with rows.
-fn axes_of(frame: &DataFrame) -> PolarsResult<BTreeMap<String, AxisValue>> {
-    let names =
-        frame.get_column_names().into_iter().map(|name| name.as_str()).skip_while(|name| *name != "seed").skip(1);
+/// The axes of a table, by its first row.
+fn axes_of(table: &Table) -> Result<BTreeMap<String, AxisValue>, String> {
+    let names = table.columns().into_iter().skip_while(|name| *name != "seed").skip(1);
     let mut axes = BTreeMap::new();
     // They end where the row's quantities begin.
     for name in names.take_while(|name| ![OF_PROGRESS[0], OF_EVALUATIONS[0]].contains(name)) {
-        let value = match frame.column(name)?.dtype() {
-            DataType::Float64 => AxisValue::Number(cells::<Option<f64>>(frame, name)?.pop().flatten()),
-            DataType::Int64 => AxisValue::Whole(cells::<Option<i64>>(frame, name)?.pop().flatten()),
-            DataType::Boolean => AxisValue::Truth(cells::<Option<bool>>(frame, name)?.pop().flatten()),
-            _ => AxisValue::Text(cells::<Option<String>>(frame, name)?.pop().flatten()),
+        fn first<T>(cells: Vec<Option<T>>) -> Option<T> {
+            cells.into_iter().next().flatten()
+        }
+        let value = match table.cells(name)? {
+            Cells::Numbers(cells) => AxisValue::Number(first(cells)),
+            Cells::Signed(cells) => AxisValue::Whole(first(cells)),
+            Cells::Truths(cells) => AxisValue::Truth(first(cells)),
+            Cells::Texts(cells) => AxisValue::Text(first(cells).map(|text| text.to_string())),
+            other @ Cells::Unsigned(_) => {
+                return Err(format!("its column `{name}` holds {}; no axis does", other.name()));
+            }
         };
         axes.insert(name.strip_prefix(AXIS).unwrap_or(name).to_owned(), value);
     }
     Ok(axes)
 }
 
-fn cells<T: Cell>(frame: &DataFrame, name: &str) -> PolarsResult<Vec<T>> {
-    let column = frame.column(name)?;
-    if *column.dtype() != T::TYPE {
-        return Err(PolarsError::SchemaMismatch(
-            format!("column `{name}` is of type {}; {} was expected", column.dtype(), T::TYPE).into(),
-        ));
-    }
-    T::cells(column)?
-        .ok_or_else(|| PolarsError::SchemaMismatch(format!("column `{name}` has nulls; it may have none").into()))
+fn cells<T: Cell>(table: &Table, name: &str) -> Result<Vec<T>, String> {
+    T::of(table.cells(name)?).map_err(|reason| format!("its column `{name}` {reason}"))
 }
 
 /// Writes the rows of iterations.
@@ -236,7 +244,7 @@ pub fn write_progress(path: &Path, keys: &Keys, stamp: &Stamp, rows: &[Iteration
 ///
 /// Errors: there is no such file, or it has other columns.
 pub fn read_progress(path: &Path) -> Result<Vec<Iteration>, RecordError> {
-    progress_rows(&read(path)?).map_err(|error| malformed(path, error))
+    progress_rows(&read(path)?).map_err(|reason| malformed(path, reason))
 }
 
 /// Writes the rows of evaluation episodes.
@@ -255,58 +263,53 @@ pub fn write_evaluations(
 ///
 /// Errors: there is no such file, or it has other columns.
 pub fn read_evaluations(path: &Path) -> Result<Vec<EvaluationEpisode>, RecordError> {
-    evaluation_rows(&read(path)?).map_err(|error| malformed(path, error))
+    evaluation_rows(&read(path)?).map_err(|reason| malformed(path, reason))
 }
 
 /// The keys of a file of either kind.
 ///
 /// Errors: there is no such file, it has other columns, or no rows.
 pub fn read_keys(path: &Path) -> Result<Keys, RecordError> {
-    let frame = read(path)?.head(Some(1));
-    keys_of(&frame)
-        .map_err(|error| malformed(path, error))?
-        .ok_or_else(|| malformed(path, PolarsError::NoData("it has no rows".into())))
+    keys_of(&read(path)?).map_err(|reason| malformed(path, reason))
 }
 
-fn keys_of(frame: &DataFrame) -> PolarsResult<Option<Keys>> {
-    let text = |name| cells::<String>(frame, name).map(|mut cells| cells.pop());
-    let number = |name| cells::<Option<f64>>(frame, name).map(|mut cells| cells.pop().flatten());
-    let (experiment, run, env, algorithm) = (text("experiment")?, text("run")?, text("env")?, text("algorithm")?);
-    let seed = cells::<u64>(frame, "seed")?.pop();
-    let (d, epsilon) = (number("d")?, number("epsilon")?);
-    let axes = axes_of(frame)?;
-    let all = experiment.zip(run).zip(env.zip(algorithm)).zip(seed);
-    Ok(all.map(|(((experiment, run), (env, algorithm)), seed)| Keys {
-        experiment,
-        run,
-        env,
-        algorithm,
-        d,
-        epsilon,
-        seed,
-        axes,
-    }))
+fn keys_of(table: &Table) -> Result<Keys, String> {
+    fn first<T: Cell>(table: &Table, name: &str) -> Result<T, String> {
+        cells(table, name)?.into_iter().next().ok_or_else(|| "it has no rows".to_owned())
+    }
+    Ok(Keys {
+        experiment: first(table, "experiment")?,
+        run: first(table, "run")?,
+        env: first(table, "env")?,
+        algorithm: first(table, "algorithm")?,
+        d: first(table, "d")?,
+        epsilon: first(table, "epsilon")?,
+        seed: first(table, "seed")?,
+        axes: axes_of(table)?,
+    })
+}
+
+/// Every column of numbers, whatever its name, one entry a row.
+///
+/// Errors: there is no such file, or it is no table of results.
+pub fn read_numbers(path: &Path) -> Result<BTreeMap<String, Vec<Option<f64>>>, RecordError> {
+    let table = read(path)?;
+    let mut columns = BTreeMap::new();
+    for name in table.columns() {
+        let cells = table.cells(name).map_err(|reason| malformed(path, reason))?;
+        columns.extend(cells.numbers().map(|numbers| (name.to_owned(), numbers)));
+    }
+    Ok(columns)
 }
 
 /// The stamp of a file of either kind.
 ///
 /// Errors: there is no such file, or it was not written by this program.
 pub fn read_stamp(path: &Path) -> Result<Stamp, RecordError> {
-    let file = File::open(path).map_err(io_error("read", path))?;
-    let mut reader = ParquetReader::new(file);
-    let metadata = reader.get_metadata().map_err(|error| malformed(path, error))?;
-    let entries = metadata.key_value_metadata().iter().flatten();
-    let text = entries.filter(|entry| entry.key == Stamp::KEY).find_map(|entry| entry.value.as_deref());
-    let absent = || RecordError::Malformed {
-        path: path.to_owned(),
-        expected: "a result of this program",
-        reason: format!("its metadata has no `{}`", Stamp::KEY),
-    };
-    serde_json::from_str(text.ok_or_else(absent)?).map_err(|error| RecordError::Malformed {
-        path: path.to_owned(),
-        expected: "a result of this program",
-        reason: error.to_string(),
-    })
+    let notes = read(path)?.notes();
+    let text = notes.into_iter().find(|(key, _)| key == Stamp::KEY).map(|(_, text)| text);
+    let text = text.ok_or_else(|| malformed(path, format!("its metadata has no `{}`", Stamp::KEY)))?;
+    serde_json::from_str(&text).map_err(|error| malformed(path, error.to_string()))
 }
 
 fn write(path: &Path, frame: PolarsResult<DataFrame>, stamp: &Stamp) -> Result<(), RecordError> {
@@ -319,17 +322,25 @@ fn write(path: &Path, frame: PolarsResult<DataFrame>, stamp: &Stamp) -> Result<(
                 .set_parallel(false)
                 .finish(&mut frame)
         })
-        .map_err(|error| malformed(path, error))?;
+        .map_err(|error: PolarsError| malformed(path, error.to_string()))?;
     write_atomically(path, &bytes)
 }
 
-pub(super) fn read(path: &Path) -> Result<DataFrame, RecordError> {
-    let file = File::open(path).map_err(io_error("read", path))?;
-    ParquetReader::new(file).finish().map_err(|error| malformed(path, error))
+/// A table of results, whose columns are decoded when they are asked for.
+///
+/// Errors: it is missing, no Parquet, or larger than any that this program writes.
+pub(super) fn read(path: &Path) -> Result<Table, RecordError> {
+    let absent = || io_error("read", path)(std::io::ErrorKind::NotFound.into());
+    let table = Table::new(read_bounded(path, LIMIT)?.ok_or_else(absent)?).map_err(|reason| malformed(path, reason))?;
+    let cells = table.rows().saturating_mul(table.columns().len());
+    if cells > MAX_NUMBERS {
+        return Err(malformed(path, format!("it claims {} rows, more than are read", table.rows())));
+    }
+    Ok(table)
 }
 
-pub(super) fn malformed(path: &Path, error: PolarsError) -> RecordError {
-    RecordError::Malformed { path: path.to_owned(), expected: "a table of results", reason: error.to_string() }
+pub(super) fn malformed(path: &Path, reason: String) -> RecordError {
+    RecordError::Malformed { path: path.to_owned(), expected: "a table of results", reason }
 }
 
 #[cfg(test)]
@@ -432,6 +443,23 @@ pub(crate) mod tests {
     }
 
     #[test]
+    fn a_changed_byte_is_refused_or_gives_other_rows_but_no_panic() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("p.parquet");
+        write_progress(&path, &keys(Some(1e-3)), &stamp(), &[iteration(1), iteration(2)]).expect("written");
+        let whole = std::fs::read(&path).expect("readable");
+        let mut refused = 0;
+        for place in 0..whole.len() {
+            let mut bytes = whole.clone();
+            bytes[place] ^= [0x01, 0x10, 0x80, 0xff][place % 4];
+            std::fs::write(&path, bytes).expect("written");
+            let read = [read_progress(&path).is_ok(), read_keys(&path).is_ok(), read_numbers(&path).is_ok()];
+            refused += usize::from(read != [true; 3]);
+        }
+        assert!(refused > whole.len() / 8, "{refused} of {}", whole.len());
+    }
+
+    #[test]
     fn rows_and_keys_and_stamp_come_back_bit_for_bit() {
         let folder = tempfile::tempdir().expect("a folder");
         let (progress, evaluations) = (folder.path().join("p.parquet"), folder.path().join("e.parquet"));
@@ -454,7 +482,7 @@ pub(crate) mod tests {
             let frame = progress_frame(&keys(None), &rows).expect("a frame");
             assert_eq!(frame.schema(), full.schema());
         }
-        assert_eq!(full.column("recovery_steps").expect("a column").dtype(), &DataType::UInt64);
+        assert_eq!(full.column("recovery_steps").expect("a column").dtype(), &polars::prelude::DataType::UInt64);
         let none = evaluation_frame(&keys(None), &[]).expect("a frame");
         assert_eq!(none.schema(), evaluation_frame(&keys(Some(1.0)), &[episode(1)]).expect("a frame").schema());
     }

@@ -42,7 +42,15 @@ pub fn of_table(runs: &[&Run], rows: &[Row]) -> Vec<String> {
     } else {
         notes.extend(demonstrations(runs, cells.iter().any(|cell| cell.paper.is_some())));
     }
-    notes.push(format!("Budget: {} environment steps.", span(runs, |run| run.spec.budget.env_steps.get(), steps)));
+    let budget = span(runs, |run| run.spec.budget.env_steps.get(), steps);
+    let longer: Vec<&Run> = runs.iter().copied().filter(|run| run.spec.trains_noticeably_longer()).collect();
+    notes.push(match longer.as_slice() {
+        [] => format!("Budget: {budget} environment steps."),
+        longer => {
+            let trained = span(longer, |run| run.spec.trained_steps(), steps);
+            format!("Budget: {budget} environment steps; trained for {trained}, since rollouts are whole.")
+        }
+    });
     let episodes = span(runs, |run| run.spec.evaluation.final_episodes.get(), |episodes| episodes.to_string());
     notes.push(format!("Final evaluation: {episodes} episodes with the mean action."));
     notes.extend(few_seeds(cells.iter().map(|cell| cell.seeds)));

@@ -7,11 +7,8 @@
 use std::{
     cell::OnceCell,
     collections::{BTreeMap, BTreeSet},
-    fs::File,
     path::Path,
 };
-
-use polars::prelude::{DataType, ParquetReader, PolarsResult, SerReader};
 
 use super::comparable;
 use crate::{
@@ -73,6 +70,7 @@ fn load_run(planned: &RunSpec, paths: &RunPaths, progress: bool) -> Result<Run, 
 
 /// What a finished run recorded, or why that is no result.
 fn recording(manifest: Manifest, paths: &RunPaths, progress: bool) -> Result<Result<Recording, String>, RecordError> {
+    manifest.check_tables(&paths.complete)?;
     let episodes = rows::read_evaluations(&RunPaths::evaluations(&paths.complete))?;
     let evaluations = episodes.iter().map(|episode| Evaluation {
         env_steps: episode.env_steps,
@@ -80,7 +78,7 @@ fn recording(manifest: Manifest, paths: &RunPaths, progress: bool) -> Result<Res
         dense_return: episode.dense_return,
     });
     let file = RunPaths::progress(&paths.complete);
-    let progress = if progress { numbers(&file)? } else { BTreeMap::new() };
+    let progress = if progress { rows::read_numbers(&file)? } else { BTreeMap::new() };
     let recording = Recording {
         evaluations: evaluations.collect(),
         progress,
@@ -93,26 +91,6 @@ fn recording(manifest: Manifest, paths: &RunPaths, progress: bool) -> Result<Res
         Some(value) => Err(format!("the return of its final evaluation is {value}")),
         None if returns.is_empty() => Err("it has no final evaluation".to_owned()),
         None => Ok(recording),
-    })
-}
-
-/// Every numeric column of a Parquet file, whatever its name, so that a figure can draw it.
-fn numbers(path: &Path) -> Result<BTreeMap<String, Vec<Option<f64>>>, RecordError> {
-    let file = File::open(path).map_err(|source| RecordError::Io { action: "read", path: path.to_owned(), source })?;
-    let columns = || -> PolarsResult<_> {
-        let frame = ParquetReader::new(file).finish()?;
-        let numeric = frame.columns().iter().filter(|column| column.dtype().is_primitive_numeric());
-        numeric
-            .map(|column| {
-                let cells = column.cast(&DataType::Float64)?.f64()?.iter().collect();
-                Ok((column.name().to_string(), cells))
-            })
-            .collect()
-    };
-    columns().map_err(|error| RecordError::Malformed {
-        path: path.to_owned(),
-        expected: "a Parquet file of progress",
-        reason: error.to_string(),
     })
 }
 
@@ -317,7 +295,7 @@ mod tests {
         let run = fixture::ppo("Hopper-v2", 0).finished(&[(100, &[1.0])]).progress("kl", &[(10, 0.5)]);
         fixture::record(&run, folder.path());
         let paths = RunPaths::new(folder.path(), &run.spec.experiment, &run.spec.id).expect("a good id");
-        let columns = numbers(&RunPaths::progress(&paths.complete)).expect("readable");
+        let columns = rows::read_numbers(&RunPaths::progress(&paths.complete)).expect("readable");
         let parsed = |y: &str| {
             let text = format!(
                 "name = 'x'\nbudget.env_steps = 4096\n[[matrix]]\nseed = [0]\nenv = ['Hopper-v2']\nalgorithm = ['ppo']\n\

@@ -2,6 +2,7 @@
 
 use std::{
     collections::{BTreeMap, VecDeque},
+    io,
     path::Path,
     time::{Duration, Instant},
 };
@@ -108,6 +109,20 @@ struct Campaign<'a> {
     summary: Summary,
 }
 
+/// Whether the system has no more to give for now: files, processes, threads or memory.
+fn is_exhaustion(error: &io::Error) -> bool {
+    #[cfg(unix)]
+    {
+        use rustix::io::Errno;
+        let exhausted = [Errno::MFILE, Errno::NFILE, Errno::AGAIN, Errno::NOMEM];
+        Errno::from_io_error(error).is_some_and(|errno| exhausted.contains(&errno))
+    }
+    #[cfg(not(unix))]
+    {
+        error.kind() == io::ErrorKind::OutOfMemory
+    }
+}
+
 /// A job under way.
 struct Worker {
     began: Instant,
@@ -185,6 +200,12 @@ impl Campaign<'_> {
                     hung: false,
                 };
                 self.running.insert(number, worker);
+            }
+            Err(error) if is_exhaustion(&error) && !self.running.is_empty() => {
+                self.options.jobs = self.running.len();
+                self.queue.push_front(number);
+                let jobs = self.options.jobs;
+                self.progress.complain(&format!("no more than {jobs} at a time from here on: {error}"));
             }
             Err(error) => self.fail(number, None, &format!("cannot start a process for it: {error}"), &[]),
         }

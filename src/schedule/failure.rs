@@ -1,13 +1,16 @@
 //! The record of a failure that its own process could not make.
 
 use std::{
-    fs::{self, OpenOptions},
+    fs::OpenOptions,
     io::{Read, Seek, SeekFrom, Write},
     path::Path,
 };
 
 use super::state::Planned;
-use crate::record::{Claim, Manifest, Outcome, RecordError, RunPaths};
+use crate::{
+    intake::{self, Links},
+    record::{Claim, Manifest, Outcome, RecordError, RunPaths},
+};
 
 /// The lines of `log.txt` and of stderr that go into `run.json`, each.
 const TAIL_LINES: usize = 20;
@@ -31,7 +34,7 @@ pub(super) fn cause(how: &str, stderr: &[String]) -> String {
 
 /// `exit code 3` as part of a sentence.
 fn phrase(how: &str) -> String {
-    if how.starts_with("exit code") { format!("left with {how}") } else { how.replacen("killed", "was killed", 1) }
+    if how.starts_with("exit code") { format!("ended with {how}") } else { how.replacen("killed", "was killed", 1) }
 }
 
 /// What is recorded of a run whose process has died.
@@ -85,7 +88,8 @@ pub(super) fn record(
     let mut log_tail = tail(&log);
     log_tail.extend(stderr.iter().rev().take(TAIL_LINES).rev().map(|line| format!("stderr: {line}")));
     // The log is for people; a run's failure does not depend on it.
-    let _ = OpenOptions::new().create(true).append(true).open(&log).and_then(|mut log| {
+    let appended = intake::open(&log, Links::Refuse, OpenOptions::new().create(true).append(true));
+    let _ = appended.and_then(|mut log| {
         stderr.iter().try_for_each(|line| writeln!(log, "stderr: {line}"))?;
         writeln!(log, "failed: {error}")
     });
@@ -103,7 +107,7 @@ pub(super) fn record(
 /// The last lines of a log; none where it cannot be read.
 fn tail(path: &Path) -> Vec<String> {
     let read = || -> std::io::Result<Vec<u8>> {
-        let mut file = fs::File::open(path)?;
+        let mut file = intake::open(path, Links::Refuse, OpenOptions::new().read(true))?;
         let length = file.metadata()?.len();
         file.seek(SeekFrom::Start(length.saturating_sub(TAIL_BYTES)))?;
         let mut bytes = Vec::new();
@@ -118,6 +122,8 @@ fn tail(path: &Path) -> Vec<String> {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
     use crate::{
         record::Stamp,
@@ -134,11 +140,11 @@ mod tests {
             "its process panicked (exit code 101): index out of bounds"
         );
         assert_eq!(cause("killed by signal 9 (SIGKILL)", &[]), "its process was killed by signal 9 (SIGKILL)");
-        assert_eq!(cause("exit code 3", &lines("first\nlast\n\n")), "its process left with exit code 3: last");
+        assert_eq!(cause("exit code 3", &lines("first\nlast\n\n")), "its process ended with exit code 3: last");
         let memory = lines("memory allocation of 8 bytes failed\nstack backtrace:\nskipping backtrace printing");
         assert_eq!(
             cause("exit code 3", &memory),
-            "its process left with exit code 3: memory allocation of 8 bytes failed"
+            "its process ended with exit code 3: memory allocation of 8 bytes failed"
         );
     }
 

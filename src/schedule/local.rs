@@ -82,11 +82,20 @@ impl Executor for LocalProcesses {
         else {
             unreachable!("all three pipes were asked for")
         };
+        let sender = self.sender.clone();
+        let listen = || {
+            thread::Builder::new().spawn(move || pass_on(number, stdout, &sender))?;
+            thread::Builder::new().spawn(move || last_lines(stderr))
+        };
+        let stderr = match listen() {
+            Ok(stderr) => stderr,
+            Err(error) => {
+                child.kill().and_then(|()| child.wait())?;
+                return Err(error);
+            }
+        };
         // A worker that is dead already shows it by its exit.
         let _ = stdin.write_all(&line).and_then(|()| stdin.flush());
-        let sender = self.sender.clone();
-        thread::spawn(move || pass_on(number, stdout, &sender));
-        let stderr = thread::spawn(move || last_lines(stderr));
         self.processes.insert(number, Process { child, stderr, silent: false });
         Ok(())
     }

@@ -2,7 +2,7 @@
 
 use std::{
     collections::BTreeMap,
-    fmt, fs,
+    fmt,
     path::{Path, PathBuf},
 };
 
@@ -28,7 +28,7 @@ pub enum Problem {
     #[error("two different runs would be recorded as {}", .0.display())]
     SamePlace(PathBuf),
     /// What is recorded is of another specification.
-    #[error("{} holds another run; it differs in {}; --fresh sets it aside and runs anew", folder.display(), keys.join(", "))]
+    #[error("{} holds another run; it differs in {}; --fresh sets it aside and starts again", folder.display(), keys.join(", "))]
     Differs {
         /// Where it is recorded.
         folder: PathBuf,
@@ -36,7 +36,7 @@ pub enum Problem {
         keys: Vec<String>,
     },
     /// What is recorded cannot be used, or is damaged.
-    #[error("{reason}; it is left as it is; --fresh sets it aside and runs anew")]
+    #[error("{reason}; it is left untouched; --fresh sets it aside and starts again")]
     Unusable {
         /// Why not.
         reason: String,
@@ -45,7 +45,7 @@ pub enum Problem {
     #[error("{} cannot be set aside: another process works on it", .0.display())]
     InUse(PathBuf),
     /// The results would not fit.
-    #[error("{} has {available_mib} MiB left; these runs may need {needed_mib} MiB; make room, or name another folder with --results", folder.display())]
+    #[error("{} has {available_mib} MiB left; these runs may need {needed_mib} MiB; free some space, or name another folder with --results", folder.display())]
     NoSpace {
         /// The folder of results.
         folder: PathBuf,
@@ -134,16 +134,7 @@ fn demonstration(path: &Path, env: EnvId) -> Result<(String, Demonstrated), Demo
         steps: demonstration.len(),
         mean_return: demonstration.returns().map(|returns| returns.iter().sum::<f64>() / episodes as f64),
     };
-    Ok((content(path)?, demonstrated))
-}
-
-/// The digest of a demonstration's file, whatever it holds.
-///
-/// Errors: it cannot be read.
-pub(super) fn content(path: &Path) -> Result<String, DemoError> {
-    let bytes =
-        fs::read(path).map_err(|error| DemoError::Unreadable { path: path.to_owned(), reason: error.to_string() })?;
-    Ok(blake3::hash(&bytes).to_hex().to_string())
+    Ok((Demonstration::digest(path)?, demonstrated))
 }
 
 /// Makes the results ready: the folder can be written to and has room, and nothing that is recorded stands in the way;

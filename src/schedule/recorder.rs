@@ -5,6 +5,7 @@ use std::{
     time::{Duration, Instant},
 };
 
+use serde_json::Value;
 use tracing::{debug, info};
 
 use super::{event::Event, stop::StopRequest, worker::tell};
@@ -61,7 +62,7 @@ impl<'a> Recorder<'a> {
             error: None,
         });
         // In this order: a run that can be seen to have begun has a log that says so.
-        info!("{} begins at {from_env_steps} of {} steps", spec.id, spec.budget.env_steps);
+        info!("{} begins at {from_env_steps} of {} steps", spec.id, spec.trained_steps());
         manifest.write(&RunPaths::manifest(&paths.partial))?;
         tell(&Event::Began { from_env_steps });
         Ok(Self {
@@ -135,7 +136,7 @@ impl<'a> Recorder<'a> {
 
 impl RunSink for Recorder<'_> {
     fn iteration(&mut self, row: &Iteration, state: &dyn Fn() -> Vec<u8>) -> Result<Flow, SinkError> {
-        debug!("{row:?}");
+        debug!("{}", told(row));
         self.last_return = row.training_return.or(self.last_return);
         self.recorded.iterations.push(row.clone());
         self.heartbeat().map_err(sink_error)?;
@@ -191,6 +192,33 @@ fn signs_of_life(last: &mut Instant) {
     }
 }
 
+/// The quantities that an iteration has, as `name value`.
+fn told(row: &Iteration) -> String {
+    fn add(name: &str, value: &Value, told: &mut Vec<String>) {
+        match value {
+            Value::Object(fields) => fields.iter().for_each(|(name, value)| add(name, value, told)),
+            Value::Null | Value::Array(_) => {} // what it does not have, and the parts of its seconds
+            value => told.push(format!("{name} {value}")),
+        }
+    }
+    let mut quantities = Vec::new();
+    add("", &serde_json::to_value(row).unwrap_or_default(), &mut quantities);
+    quantities.join(", ")
+}
+
 fn sink_error(error: RecordError) -> SinkError {
     SinkError(error.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::rows::tests::iteration;
+
+    #[test]
+    fn a_log_tells_what_there_is_in_words() {
+        let told = told(&iteration(1));
+        assert!(told.contains("env_steps 100, ") && told.contains("kl 0.30000000000000004"), "{told}");
+        assert!(!told.contains("null") && !told.contains("training_return"), "{told}");
+    }
 }

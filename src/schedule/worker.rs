@@ -13,17 +13,18 @@ use std::{
 };
 
 use tracing::{Level, error, warn};
+use tracing_subscriber::{filter::filter_fn, layer::SubscriberExt};
 
 use super::{
     event::{Event, Job},
-    preflight,
     recorder::Recorder,
     state::{LastState, Planned},
     stop::{INTERRUPTED, StopRequest},
 };
 use crate::{
     arithmetic::threads,
-    demo::DemoError,
+    demo::{DemoError, Demonstration},
+    intake::{self, Links},
     plan::RunSpec,
     record::{Checkpoint, Claim, Manifest, Outcome, RecordError, RunPaths, Stamp, io_error, now},
     train::{self, Ending, TrainError},
@@ -95,7 +96,7 @@ fn work() -> Result<Event, WorkerError> {
         }
     }
     if let Some((path, digest)) = run.spec.demonstration.as_ref().zip(run.stamp.demonstration.as_ref())
-        && preflight::content(path)? != *digest
+        && Demonstration::digest(path)? != *digest
     {
         return Err(WorkerError::AnotherDemonstration(path.clone()));
     }
@@ -129,7 +130,7 @@ fn last_state(run: &Planned) -> Result<Checkpoint, WorkerError> {
         let RecordError::Damaged { path, .. } = &error else { continue };
         let aside = path.with_extension("damaged");
         fs::rename(path, &aside).map_err(io_error("rename", path))?;
-        let text = format!("{error}; it is kept as {}, and the run goes on from what else there is", aside.display());
+        let text = format!("{error}; it is kept as {}, and the run resumes from what remains", aside.display());
         warn!("{text}");
         tell(&Event::Warned { text });
     }
@@ -187,16 +188,21 @@ fn refuse_another(folder: &Path, found: &Manifest, stamp: &Stamp) -> Result<(), 
     Err(WorkerError::AnotherRun { folder: folder.to_owned(), found, expected })
 }
 
-/// Sends everything that is logged to `log.txt`.
+/// How the targets of this program's own messages begin.
+const OWN: &str = "mcpo_run";
+
+/// Sends what is logged to `log.txt`; of others, such as the physics engine, without what only their authors want to know.
 fn start_log(paths: &RunPaths, verbose: bool) -> Result<(), WorkerError> {
-    let log = OpenOptions::new().create(true).append(true).open(RunPaths::log(&paths.partial));
+    let log = RunPaths::log(&paths.partial);
+    let log = intake::open(&log, Links::Refuse, OpenOptions::new().create(true).append(true));
     let subscriber = tracing_subscriber::fmt()
         .with_writer(Mutex::new(log.map_err(WorkerError::SetUp)?))
         .with_ansi(false)
         .with_target(false)
         .with_timer(Clock)
         .with_max_level(if verbose { Level::DEBUG } else { Level::INFO })
-        .finish();
+        .finish()
+        .with(filter_fn(|metadata| *metadata.level() <= Level::INFO || metadata.target().starts_with(OWN)));
     tracing::subscriber::set_global_default(subscriber).map_err(|error| WorkerError::SetUp(io::Error::other(error)))
 }
 

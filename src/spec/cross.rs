@@ -12,6 +12,9 @@ use crate::env::{EnvId, Reward};
 /// No campaign has more runs; a longer list is a slip of the pen.
 const MOST_RUNS: usize = 100_000;
 
+/// No rollout has more steps: of Ant's, so many fill the memory of a large machine.
+const MOST_ROLLOUT_STEPS: u64 = 1 << 26;
+
 /// A specification, with what it was read from.
 pub(super) struct Draft<'a> {
     pub(super) spec: &'a ExperimentSpec,
@@ -191,9 +194,16 @@ fn conflicts(env: EnvId, settings: &Settings, algorithm: &Algorithm) -> Vec<Conf
     let sparse = env.sparse_reward();
     if settings.reward != Reward::Dense && mem::discriminant(&settings.reward) != mem::discriminant(&sparse) {
         conflict(
-            format!("{} is no reward of this environment", reward_name(&settings.reward)),
+            format!("{} is not a reward of this environment", reward_name(&settings.reward)),
             &format!("expected `dense` or {}", reward_name(&sparse)),
             vec![setting("reward")],
+        );
+    }
+    if steps > MOST_ROLLOUT_STEPS {
+        conflict(
+            format!("a rollout of {steps} steps does not fit into memory"),
+            "expected `rollout.steps` of at most 67108864",
+            vec![setting("rollout.steps")],
         );
     }
     if budget < steps {

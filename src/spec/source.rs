@@ -1,8 +1,7 @@
 //! Reading the layers, and finding in them where a key was written.
 
 use std::{
-    fs,
-    io::{self, Read},
+    io,
     ops::Range,
     path::{Path, PathBuf},
     sync::Arc,
@@ -19,7 +18,10 @@ use super::{
     error::{Place, SpecError},
     layers,
 };
-use crate::env::EnvId;
+use crate::{
+    env::EnvId,
+    intake::{self, Links},
+};
 
 /// No matrix that a person wrote is longer, bytes.
 const LONGEST: u64 = 4 << 20;
@@ -208,20 +210,16 @@ fn extended(layer: &Layer) -> Option<(PathBuf, Range<usize>)> {
 }
 
 fn read(path: &Path) -> Result<String, String> {
-    let mut bytes = Vec::new();
-    let file = fs::File::open(path).map_err(|error| match error.kind() {
+    let bytes = intake::read(path, Links::Follow, LONGEST).map_err(|error| match error.kind() {
         io::ErrorKind::NotFound => "there is no such file".to_owned(),
-        _ => format!("cannot open it: {error}"),
+        io::ErrorKind::InvalidInput => error.to_string(),
+        _ => format!("cannot read it: {error}"),
     })?;
-    file.take(LONGEST + 1).read_to_end(&mut bytes).map_err(|error| format!("cannot read it: {error}"))?;
-    if bytes.len() as u64 > LONGEST {
-        return Err(format!("it is longer than {LONGEST} bytes"));
-    }
     String::from_utf8(bytes).map_err(|error| {
         let before = String::from_utf8_lossy(&error.as_bytes()[..error.utf8_error().valid_up_to()]).into_owned();
         let line = before.matches('\n').count() + 1;
         let column = before.rsplit('\n').next().unwrap_or_default().chars().count() + 1;
-        format!("it is not UTF-8 text: line {line}, column {column} begins no character")
+        format!("it is not UTF-8 text: line {line}, column {column} is not the start of a character")
     })
 }
 

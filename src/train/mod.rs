@@ -144,7 +144,7 @@ pub enum TrainError {
     #[error(transparent)]
     Sink(#[from] SinkError),
     /// A checkpoint that does not fit.
-    #[error("the checkpoint cannot be resumed from: {0}")]
+    #[error("cannot resume from the checkpoint: {0}")]
     Checkpoint(String),
 }
 

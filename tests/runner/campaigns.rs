@@ -160,6 +160,71 @@ fn what_is_recorded_can_be_shown_and_played() {
 }
 
 #[test]
+fn a_policy_that_does_not_fit_what_it_says_is_not_played() {
+    let bench = Workbench::new(1024);
+    bench.expect(0, &["tiny.toml", "--only", "env=InvertedPendulum-v2,seed=0"]);
+    let folder = bench.run("results", PENDULUM).complete;
+    let own = RunPaths::policy(&folder);
+    let (agent, stamp) = policy::read(&own).expect("readable");
+    let refused = |stamp: &Stamp, expected: &str| {
+        policy::write(&bench.path("other.safetensors"), &agent, stamp).expect("written");
+        let (_, stderr) = bench.expect(2, &["eval", "other.safetensors", "--episodes", "2"]);
+        assert!(stderr.contains("other.safetensors") && stderr.contains(expected), "{stderr}");
+    };
+    let with = |change: fn(&mut serde_json::Value)| {
+        let mut stamp = stamp.clone();
+        change(&mut stamp.spec);
+        stamp
+    };
+    refused(&with(|spec| spec["env"] = "MountainCarContinuous-v0".into()), "is not a reward of");
+    let other = with(|spec| (spec["env"], spec["reward"]) = ("MountainCarContinuous-v0".into(), "dense".into()));
+    refused(&other, "observations of 4 and actions of 1 numbers; its environment has observations of 2 and");
+    refused(&with(|spec| spec["max_steps"] = (1_u64 << 62).into()), "at most 1000000 are played");
+    // However many environments it asks for, as many play as there are episodes.
+    let many = with(|spec| spec["rollout"]["environments"] = 8_000_000.into());
+    policy::write(&bench.path("other.safetensors"), &agent, &many).expect("written");
+    let (played, _) = bench.expect(0, &["eval", "other.safetensors", "--episodes", "2"]);
+    assert_eq!(bench.expect(0, &["eval", folder.to_str().expect("text"), "--episodes", "2"]).0, played);
+    // Other weights than run.json names.
+    let mut changed = agent.clone();
+    changed.value.parameters_mut()[0] += 1.0;
+    policy::write(&own, &changed, &stamp).expect("written");
+    let (_, stderr) = bench.expect(2, &["eval", folder.to_str().expect("text")]);
+    assert!(stderr.contains("is not the policy that the run.json beside it records"), "{stderr}");
+}
+
+#[test]
+fn a_name_that_reports_have_of_their_own_is_refused() {
+    let bench = Workbench::new(1024);
+    let matrix = fs::read_to_string(bench.path("tiny.toml")).expect("readable");
+    for name in ["README", "readme", "f-curves"] {
+        let table = format!("[[tables]]\nname = '{name}'\ntitle = 't'\nrows = ['env']\ncolumns = 'algorithm'\n");
+        fs::write(bench.path("named.toml"), matrix.clone() + &table).expect("written");
+        let (_, stderr) = bench.expect(2, &["plan", "named.toml"]);
+        assert!(stderr.contains("is the name of a file that every report has of its own"), "{stderr}");
+    }
+}
+
+#[test]
+fn a_budget_in_whole_rollouts_and_results_elsewhere_are_told() {
+    let bench = Workbench::new(257);
+    let (stdout, _) = bench.expect(0, &["plan", "tiny.toml"]);
+    assert!(stdout.contains("rollouts of 256 steps are whole: 512 steps for 257"), "{stdout}");
+    let (stdout, _) = bench.expect(0, &["status", "tiny.toml", "--only", "seed=0,env=InvertedPendulum-v2"]);
+    assert!(stdout.contains("1 run: 1 to do") && stdout.contains("nothing is recorded under results"), "{stdout}");
+    let (stdout, _) = bench.expect(0, &["tiny.toml", "--quiet", "--only", "seed=0"]);
+    assert_eq!(stdout, "", "quiet");
+    let notes = fs::read_to_string(bench.path("results/tiny/report/README.md")).expect("written");
+    assert!(notes.contains("trained for 512, since rollouts are whole"), "{notes}");
+    let elsewhere = tempfile::tempdir().expect("a folder");
+    let path = bench.path("tiny.toml");
+    let arguments = ["status", path.to_str().expect("text")];
+    let output = bench.program(&arguments).current_dir(elsewhere.path()).output().expect("it starts");
+    let (stdout, _) = texts(&output, 0, &arguments);
+    assert!(stdout.contains("holds results: --results names it"), "{stdout}");
+}
+
+#[test]
 fn shells_manuals_and_editors_are_served() {
     let bench = Workbench::new(1024);
     assert!(bench.expect(0, &["completions", "bash"]).0.contains("mcpo-run"));

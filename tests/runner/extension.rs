@@ -52,7 +52,7 @@ fn a_finished_run_whose_budget_grows_goes_on_and_is_the_longer_run() {
     let (stdout, _) = bench.expect(0, &plan);
     assert!(stdout.contains("to extend") && stdout.contains("66,048"), "{stdout}");
     let (stdout, _) = bench.expect(0, &[&plan[..], &["--explain"]].concat());
-    assert!(stdout.contains("recorded with 8,192 steps, and goes on from its state after 8,192"), "{stdout}");
+    assert!(stdout.contains("recorded with 8,192 steps, and resumes from its state at 8,192"), "{stdout}");
     let (stdout, _) = bench.expect(0, &[&["status"][..], &long()].concat());
     assert!(stdout.contains("from 8,192 to 66,048 steps") && stdout.contains("1 to extend"), "{stdout}");
     bench.expect(0, &long());

@@ -83,7 +83,7 @@ fn a_signal_stops_cleanly_and_the_same_command_goes_on() {
         bench.worker("disturbed", PENDULUM);
         assert!(signal(name, child.id()), "it was over before {name}");
         let (_, stderr) = texts(&child.wait_with_output().expect("it ends"), 130, &[name]);
-        assert!(stderr.contains("goes on from here"), "{stderr}");
+        assert!(stderr.contains("resumes from here"), "{stderr}");
         let paths = bench.run("disturbed", PENDULUM);
         assert!(!paths.complete.exists() && RunPaths::checkpoint(&paths.partial).exists());
     }
@@ -125,11 +125,11 @@ fn a_worker_ends_with_the_program_that_did_not_wait_for_it() {
 #[test]
 fn a_long_evaluation_is_no_hang() {
     let bench = Workbench::new(256);
-    let long = ["--set", "evaluation.final_episodes=40000", "--set", "network.hidden=[64, 64]", "--hang-timeout", "2"];
+    let long = ["--set", "evaluation.final_episodes=40000", "--set", "network.hidden=[96, 96]", "--hang-timeout", "5"];
     let arguments = ["tiny.toml", "--only", "env=MountainCarContinuous-v0,seed=1", "--threads", "1"];
     let began = Instant::now();
     bench.expect(0, &[&arguments[..], &long].concat());
-    assert!(began.elapsed() > Duration::from_secs(3), "too quick to be taken for a hang: {:?}", began.elapsed());
+    assert!(began.elapsed() > Duration::from_secs(6), "too quick to be taken for a hang: {:?}", began.elapsed());
 }
 
 #[test]
@@ -164,11 +164,11 @@ fn a_crash_is_one_failed_run_with_its_cause_and_the_others_finish() {
 #[test]
 fn a_run_that_hangs_is_killed_and_tried_again_where_that_is_wanted() {
     let bench = with_whole_run();
-    let arguments = [&ONE[..], &["--hang-timeout", "1", "--retries", "1"]].concat();
+    let arguments = [&ONE[..], &["--hang-timeout", "5", "--retries", "1"]].concat();
     let child = bench.start(&arguments);
     assert!(signal("STOP", bench.worker("disturbed", PENDULUM)), "it was over before");
     let (_, stderr) = texts(&child.wait_with_output().expect("it ends"), 0, &arguments);
-    assert!(stderr.contains("no progress for 1 s") && stderr.contains("trying again"), "{stderr}");
+    assert!(stderr.contains("no progress for 5 s") && stderr.contains("trying again"), "{stderr}");
     let attempts = bench.manifest("disturbed", PENDULUM).attempts;
     assert!(attempts[0].error.as_ref().is_some_and(|error| error.contains("no progress")), "{attempts:?}");
     assert_eq!(attempts.len(), 2);

@@ -94,10 +94,10 @@ fn a_record_of_other_versions_is_a_difference_where_bits_are_insisted_on() {
     older.stamp.build.versions["revisions"]["ppo"] = 0.into();
     older.write(&path).expect("written");
     let (stdout, _) = bench.expect(0, &VERIFY);
-    assert!(stdout.contains("4 of 4") && stdout.contains("the record was made by other versions"), "{stdout}");
+    assert!(stdout.contains("4 of 4") && stdout.contains("the record was made by different versions"), "{stdout}");
     let (stdout, _) = bench.expect(4, &exact);
-    assert!(stdout.starts_with(&format!("{PENDULUM}: the record was made by other versions: ")), "{stdout}");
-    assert!(stdout.contains("it is to be made anew") && stdout.contains("3 of 4"), "{stdout}");
+    assert!(stdout.starts_with(&format!("{PENDULUM}: the record was made by different versions: ")), "{stdout}");
+    assert!(stdout.contains("it must be recorded again") && stdout.contains("3 of 4"), "{stdout}");
     // Another class of machine is no fault of the record.
     whole.write(&path).expect("written");
     move_to_another_class(&bench, PENDULUM);
@@ -119,7 +119,7 @@ fn runs_that_are_missing_failed_or_too_many_are_differences() {
     let (stdout, _) = texts(&output, 4, &VERIFY);
     assert!(stdout.contains("another run is recorded; it differs in ppo.clip: 0.2 -> 0.3"), "{stdout}");
     let (_, stderr) = bench.expect(2, &[&VERIFY[..], &["--record"]].concat());
-    assert!(stderr.contains("is there already"), "{stderr}");
+    assert!(stderr.contains("already exists"), "{stderr}");
     let (_, stderr) = bench.expect(2, &["verify", "tiny.toml", "--against", "nowhere"]);
     assert!(stderr.contains("no recorded runs"), "{stderr}");
 }

@@ -87,7 +87,7 @@ pub const MISTAKES: &[(&str, &[Told])] = &[
     ("number_with_a_point", &[(4, 13, "100000.0 does not belong here", "such as 100000")]),
     ("out_of_range", &[(12, 12, "`discount`: 1 is out of range", "from 0 to below 1")]),
     ("out_of_range_inside_a_choice", &[(12, 35, "-1 is out of range", "above 0")]),
-    ("reward_of_another_environment", &[(12, 10, "`sparse1` is no reward", "`dense` or `sparse2`")]),
+    ("reward_of_another_environment", &[(12, 10, "`sparse1` is not a reward", "`dense` or `sparse2`")]),
     ("reward_of_two_kinds", &[(12, 10, "this table does not hold one choice", "a table with one name")]),
     ("reward_that_is_a_number", &[(12, 10, "this is neither a name nor a table", "expected a name")]),
     ("rollout_that_does_not_divide", &[(12, 9, "4096 cannot be shared among rollout.environments 7", "a multiple")]),

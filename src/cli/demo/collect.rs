@@ -33,13 +33,13 @@ pub struct CollectArguments {
     /// The folder that the demonstrations are written to, as ENV.parquet
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Replace demonstrations that are there already
+    /// Replace demonstrations that exist already
     #[arg(long)]
     force: bool,
     /// Initial states that each policy is tried from
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=1000))]
     starts: u32,
-    /// The return to come near to, whatever the episode is like else [default: the paper's Demo column, and within 1 % of it
+    /// The return to come close to, whatever else the episode is like [default: the paper's Demo column, and within 1 % of it
     /// the likeness to the authors' demonstration]
     #[arg(long, value_name = "RETURN", allow_negative_numbers = true)]
     target: Option<f64>,
@@ -97,7 +97,7 @@ pub fn run(arguments: &CollectArguments) -> anyhow::Result<ExitCode> {
     }
     let file = |env: EnvId| arguments.out.join(format!("{env}.parquet"));
     if let Some(path) = runs.keys().map(|&env| file(env)).find(|path| path.exists() && !arguments.force) {
-        bail!("{} is there already; `--force` replaces it, another `--out` leaves it alone", path.display());
+        bail!("{} already exists; `--force` replaces it, another `--out` leaves it alone", path.display());
     }
     fs::create_dir_all(&arguments.out).with_context(|| format!("cannot make {}", arguments.out.display()))?;
     let mut missing = Vec::new();
@@ -171,7 +171,7 @@ fn best(runs: &[RunSpec], results: &Path, starts: u32, wanted: &Wanted) -> anyho
         let mut tasks: Vec<Task> =
             (0..starts.min(8)).map(|_| Task::new(run.env, Reward::Dense, run.max_steps)).collect::<Result<_, _>>()?;
         for path in kept_policies(&paths)? {
-            let (agent, stamp) = policy::read(&path)?;
+            let (agent, stamp) = policy::read_for(&path, tasks[0].spaces())?;
             let generator = |start| run.seed.stream(Stream::Evaluation, start);
             let generators = (0..starts).map(generator).collect();
             let episodes = evaluate::episodes(&mut Actor::MeanAction(&agent), &mut tasks, generators, &mut || {})?;

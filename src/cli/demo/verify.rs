@@ -17,14 +17,14 @@ pub struct VerifyArguments {
     /// The environment, such as Hopper-v2
     #[arg(long, value_name = "ENV")]
     env: EnvId,
-    /// The greatest deviation of an observation's number or a reward that is agreement [default: 1e-9; 1e-5 in
+    /// The largest deviation of an observation's number or a reward that still counts as agreement [default: 1e-9; 1e-5 in
     /// MountainCar, and 1e-6 for rewards under f32 actions, which Gymnasium computes in f32]
     #[arg(long, value_name = "X", allow_negative_numbers = true, value_parser = tolerance)]
     tolerance: Option<NonNegative>,
 }
 
 fn tolerance(text: &str) -> Result<NonNegative, String> {
-    let number: f64 = text.parse().map_err(|_| format!("`{text}` is no number"))?;
+    let number: f64 = text.parse().map_err(|_| format!("`{text}` is not a number"))?;
     NonNegative::try_from(number).map_err(|error| error.to_string())
 }
 

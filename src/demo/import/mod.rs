@@ -18,9 +18,9 @@ pub use returns::recomputed_rewards;
 use super::{
     DemoError, Demonstration,
     motion::{self, Mover},
-    parquet::{MAX_NUMBERS, read_bounded},
+    parquet::read_bounded,
 };
-use crate::env::EnvId;
+use crate::{env::EnvId, parquet::MAX_NUMBERS};
 
 /// The most bytes that a compressed file may unfold to.
 const MAX_UNFOLDED: usize = 1 << 27;
@@ -121,7 +121,7 @@ fn from_bytes(file: Vec<u8>, env: EnvId) -> Result<Imported, String> {
     } else if file.starts_with(b"PK") {
         npz::read(&file, env)
     } else {
-        Err("it is none of a pickle (compressed by bzip2 or not), Parquet and .npz".into())
+        Err("it is not a pickle (bzip2-compressed or not), Parquet or .npz".into())
     }
 }
 

@@ -250,7 +250,7 @@ impl<'a> Machine<'a> {
     fn append(&mut self, items: Vec<Id>) -> Result<(), String> {
         match self.top()? {
             Object::List(list) => list.extend(items),
-            _ => return Err("the pickle appends to what is no list".into()),
+            _ => return Err("the pickle appends to something that is not a list".into()),
         }
         Ok(())
     }
@@ -261,7 +261,7 @@ impl<'a> Machine<'a> {
         };
         match self.top()? {
             Object::Dict(entries) => entries.extend(pairs.iter().map(|&[key, value]| (key, value))),
-            _ => return Err("the pickle inserts into what is no dictionary".into()),
+            _ => return Err("the pickle inserts into something that is not a dictionary".into()),
         }
         Ok(())
     }
@@ -340,7 +340,7 @@ impl<'a> Machine<'a> {
                 let names = self.pop_many(2)?;
                 match (&self.objects[names[0]], &self.objects[names[1]]) {
                     (&Object::Text(module), &Object::Text(name)) => self.push(Object::Global(global(module, name)?)),
-                    _ => Err("the pickle names a function by what is no text".into()),
+                    _ => Err("the pickle names a function by something that is not text".into()),
                 }
             }
             b'R' => self.call(),
@@ -364,7 +364,7 @@ impl<'a> Machine<'a> {
     fn call(&mut self) -> Result<(), String> {
         let ids = self.pop_many(2)?;
         let Object::Global(function) = self.objects[ids[0]] else {
-            return Err("the pickle calls what is no function".into());
+            return Err("the pickle calls something that is not a function".into());
         };
         let Object::Tuple(arguments) = &self.objects[ids[1]] else {
             return Err("the pickle calls a function without arguments".into());
@@ -397,7 +397,7 @@ impl<'a> Machine<'a> {
     fn build(&mut self) -> Result<(), String> {
         let state = self.pop()?;
         let Object::Tuple(state) = &self.objects[state] else {
-            return Err("the pickle builds an object from what is no tuple".into());
+            return Err("the pickle builds an object from something that is not a tuple".into());
         };
         // numpy's states of types and arrays have nine entries at most.
         let state = state[..state.len().min(9)].to_vec();

@@ -28,7 +28,7 @@ pub(super) fn read(bytes: &[u8], env: EnvId) -> Result<Imported, String> {
     let (mut n, mut looked_at) = (0, 0);
     for (e, &episode) in episodes.iter().enumerate() {
         let Object::List(steps) = pickle.get(episode) else {
-            return Err(format!("episode {e} of the pickle's `trajectory` is no list"));
+            return Err(format!("episode {e} of the pickle's `trajectory` is not a list"));
         };
         if steps.is_empty() {
             continue;
@@ -37,7 +37,7 @@ pub(super) fn read(bytes: &[u8], env: EnvId) -> Result<Imported, String> {
         for (i, &step) in steps.iter().enumerate() {
             let step = pickle.get(step);
             let Object::Dict(entries) = step else {
-                return Err(format!("step {i} of episode {e} in the pickle is no dictionary"));
+                return Err(format!("step {i} of episode {e} in the pickle is not a dictionary"));
             };
             // One step may stand in a list many times: what it unfolds to is not bounded by the file's length.
             looked_at += entries.len() + state_dim.unwrap_or(0) + action_dim.unwrap_or(0);

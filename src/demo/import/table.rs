@@ -5,8 +5,8 @@ use super::{
     arrays::{Array, assemble},
 };
 use crate::{
-    demo::parquet::{Table, Values},
     env::EnvId,
+    parquet::{Table, Values},
 };
 
 /// The demonstration of `env` in the Parquet `file`.
@@ -21,26 +21,19 @@ pub(super) fn read(file: Vec<u8>, env: EnvId) -> Result<Imported, String> {
 fn array(table: &Table, name: &str) -> Result<Option<Array>, String> {
     if table.has(name) {
         let (values, width) = table.values(name)?;
-        return Ok(Some(Array::new(values.len().checked_div(width).unwrap_or(0), widened(values))));
+        return Ok(Some(Array::new(values.len().checked_div(width).unwrap_or(0), widened(values, name)?)));
     }
     let mut columns = Vec::new();
     while let column = format!("{name}_{}", columns.len())
         && table.has(&column)
     {
-        columns.push(widened(table.flat(&column, "numbers")?));
+        columns.push(widened(table.flat(&column, "numbers")?, &column)?);
     }
     let rows = table.rows();
     let numbers = (0..rows).flat_map(|row| columns.iter().map(move |column| column[row])).collect();
     Ok((!columns.is_empty()).then(|| Array::new(rows, numbers)))
 }
 
-/// As f64, truth values as 0 and 1.
-fn widened(values: Values) -> Vec<f64> {
-    match values {
-        Values::Bool(values) => values.into_iter().map(|value| f64::from(u8::from(value))).collect(),
-        Values::I32(values) => values.into_iter().map(f64::from).collect(),
-        Values::I64(values) => values.into_iter().map(|value| value as f64).collect(),
-        Values::F32(values) => values.into_iter().map(f64::from).collect(),
-        Values::F64(values) => values,
-    }
+fn widened(values: Values, name: &str) -> Result<Vec<f64>, String> {
+    values.widened().ok_or_else(|| format!("its column `{name}` holds text; expected numbers"))
 }

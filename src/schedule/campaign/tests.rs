@@ -294,9 +294,9 @@ fn a_run_that_hangs_is_killed() {
 
 #[test]
 fn time_in_which_the_program_stood_still_itself_is_not_held_against_the_workers() {
-    let still = Duration::from_millis(2500); // Ctrl-Z, and later `fg`
+    let still = Duration::from_millis(3500); // Ctrl-Z, and later `fg`
     let mut script = Script { stands_still: Some(still), ..Script::default() };
-    let (summary, ..) = play(&mut script, Options { hang_timeout: Duration::from_secs(2), ..OPTIONS }, 2);
+    let (summary, ..) = play(&mut script, Options { hang_timeout: Duration::from_secs(3), ..OPTIONS }, 2);
     assert_eq!((summary.finished, script.killed.as_slice()), (2, [].as_slice()));
 }
 

@@ -1,5 +1,7 @@
 //! The check of figures and tables.
 
+use std::collections::HashSet;
+
 use super::{BLOCK_KEYS, Checker, Value};
 use crate::spec::{Parameter, Selection, catalog::Section, figure, names::nearest_label};
 
@@ -26,13 +28,17 @@ impl Checker<'_> {
             }
         });
         let names = value.get_ref().as_array().into_iter().flatten().filter_map(|table| table.get_ref().get("name"));
-        let mut seen: Vec<&str> = Vec::new();
+        let mut seen = HashSet::new();
         for name in names {
             let text = name.get_ref().as_str().unwrap_or_default();
-            if seen.contains(&text) {
+            // Some file systems do not tell small letters from capitals.
+            let file = text.to_ascii_lowercase();
+            if file == "readme" || key == "tables" && file.ends_with("-curves") {
+                let message = format!("`{text}` is the name of a file that every report has of its own");
+                self.note(name.span(), message, Some("another name is needed".into()));
+            } else if !seen.insert(file) {
                 self.note(name.span(), format!("two {key} are called `{text}`"), None);
             }
-            seen.push(text);
         }
     }
 

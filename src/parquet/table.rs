@@ -3,56 +3,61 @@
 use nalgebra::DMatrix;
 
 use super::{
-    footer::Footer,
-    pages::{Budget, Values, read_chunk},
+    cells::Cells,
+    footer::{Footer, Physical},
+    pages::{Budget, Column, Values, read_chunk},
 };
 
 /// The most numbers read of a column: 256 MiB of f64, three hundred times what a demonstration of Ant's holds.
-pub(in crate::demo) const MAX_NUMBERS: usize = 1 << 25;
+pub(crate) const MAX_NUMBERS: usize = 1 << 25;
 
 /// The most bytes decompressed for a column.
 const MAX_DECOMPRESSED: usize = 1 << 31;
+
+/// The same for a column of cells, whose values are single and whose text is bounded besides, at each place that it stands.
+const MAX_CELLS_BYTES: usize = 1 << 28;
+const MAX_TEXT: usize = 1 << 27;
 
 /// Keys of notes that writers of Parquet add for themselves.
 const WRITERS_KEYS: [&str; 2] = ["ARROW:schema", "pandas"];
 
 /// The file, of which each column is decoded when it is asked for.
-pub(in crate::demo) struct Table {
+pub(crate) struct Table {
     file: Vec<u8>,
     footer: Footer,
 }
 
 impl Table {
     /// The columns of `file`. Errors: it is no Parquet.
-    pub(in crate::demo) fn new(file: Vec<u8>) -> Result<Self, String> {
+    pub(crate) fn new(file: Vec<u8>) -> Result<Self, String> {
         let footer = Footer::read(&file)?;
         Ok(Self { file, footer })
     }
 
     /// How many rows there are.
-    pub(in crate::demo) fn rows(&self) -> usize {
+    pub(crate) fn rows(&self) -> usize {
         self.footer.rows
     }
 
     /// The key-value metadata, less what writers add for themselves.
-    pub(in crate::demo) fn notes(&self) -> Vec<(String, String)> {
+    pub(crate) fn notes(&self) -> Vec<(String, String)> {
         self.footer.notes.iter().filter(|(key, _)| !WRITERS_KEYS.contains(&key.as_str())).cloned().collect()
     }
 
     /// The names of the columns, in order.
-    pub(in crate::demo) fn columns(&self) -> Vec<&str> {
+    pub(crate) fn columns(&self) -> Vec<&str> {
         let mut names: Vec<&str> = self.footer.leaves.iter().map(|leaf| leaf.column.as_str()).collect();
         names.dedup();
         names
     }
 
     /// Whether there is a column `name`.
-    pub(in crate::demo) fn has(&self, name: &str) -> bool {
+    pub(crate) fn has(&self, name: &str) -> bool {
         self.footer.leaves.iter().any(|leaf| leaf.column == name)
     }
 
     /// The numbers of column `name`.
-    pub(in crate::demo) fn numbers(&self, name: &str) -> Result<Vec<f64>, String> {
+    pub(crate) fn numbers(&self, name: &str) -> Result<Vec<f64>, String> {
         match self.flat(name, "f64")? {
             Values::F64(values) => Ok(values),
             other => Err(wrong_type(name, other.name(), "f64")),
@@ -60,7 +65,7 @@ impl Table {
     }
 
     /// The truth values of column `name`.
-    pub(in crate::demo) fn flags(&self, name: &str) -> Result<Vec<bool>, String> {
+    pub(crate) fn flags(&self, name: &str) -> Result<Vec<bool>, String> {
         match self.flat(name, "bool")? {
             Values::Bool(values) => Ok(values),
             other => Err(wrong_type(name, other.name(), "bool")),
@@ -68,7 +73,7 @@ impl Table {
     }
 
     /// The whole numbers of column `name`.
-    pub(in crate::demo) fn whole_numbers(&self, name: &str) -> Result<Vec<i64>, String> {
+    pub(crate) fn whole_numbers(&self, name: &str) -> Result<Vec<i64>, String> {
         match self.flat(name, "a whole number")? {
             Values::I32(values) => Ok(values.into_iter().map(i64::from).collect()),
             Values::I64(values) => Ok(values),
@@ -76,8 +81,22 @@ impl Table {
         }
     }
 
+    /// The cells of column `name`, which has one or none a row.
+    pub(crate) fn cells(&self, name: &str) -> Result<Cells, String> {
+        let mut leaves = self.footer.leaves.iter().enumerate().filter(|(_, leaf)| leaf.column == name);
+        let (place, leaf) = leaves.next().ok_or_else(|| self.no_column(name))?;
+        let physical = leaf.physical.filter(|_| leaf.plain && leaf.max_repetition == 0 && leaves.next().is_none());
+        let physical = physical.ok_or_else(|| wrong_type(name, "structures or lists", "single values"))?;
+        let budget = Budget { numbers: self.footer.rows.min(MAX_NUMBERS), bytes: MAX_CELLS_BYTES, text: MAX_TEXT };
+        let column = Column { values: Values::none(physical), lengths: Vec::new(), there: Some(Vec::new()) };
+        let Column { values, there, .. } = self.read(place, budget, column)?;
+        let there = there.unwrap_or_default();
+        self.whole(name, there.len())?;
+        Ok(Cells::new(values, leaf.unsigned, &there))
+    }
+
     /// The lists of column `name`, one a column of the matrix.
-    pub(in crate::demo) fn lists(&self, name: &str) -> Result<DMatrix<f64>, String> {
+    pub(crate) fn lists(&self, name: &str) -> Result<DMatrix<f64>, String> {
         let expected = "a list of f64";
         let (values, lengths) = self.column(name, 1, expected)?;
         let width = equal_lengths(name, &lengths)?.unwrap_or(0);
@@ -88,46 +107,59 @@ impl Table {
     }
 
     /// The values of column `name`, lists or single ones, and how many a row has.
-    pub(in crate::demo) fn values(&self, name: &str) -> Result<(Values, usize), String> {
+    pub(crate) fn values(&self, name: &str) -> Result<(Values, usize), String> {
         let lists = self.footer.leaves.iter().any(|leaf| leaf.column == name && leaf.max_repetition == 1);
         let (values, lengths) = self.column(name, u32::from(lists), "numbers or lists of numbers")?;
         Ok((values, equal_lengths(name, &lengths)?.unwrap_or(1)))
     }
 
     /// The values of column `name`, which must have one a row.
-    pub(in crate::demo) fn flat(&self, name: &str, expected: &str) -> Result<Values, String> {
+    pub(crate) fn flat(&self, name: &str, expected: &str) -> Result<Values, String> {
         Ok(self.column(name, 0, expected)?.0)
+    }
+
+    fn no_column(&self, name: &str) -> String {
+        format!("it has no column `{name}`; it has {}", self.columns().join(", "))
     }
 
     /// The values of column `name`, whose rows are in as many `lists`, and then each row's length.
     fn column(&self, name: &str, lists: u32, expected: &str) -> Result<(Values, Vec<usize>), String> {
         let mut leaves = self.footer.leaves.iter().enumerate().filter(|(_, leaf)| leaf.column == name);
-        let Some((place, leaf)) = leaves.next() else {
-            return Err(format!("it has no column `{name}`; it has {}", self.columns().join(", ")));
-        };
+        let (place, leaf) = leaves.next().ok_or_else(|| self.no_column(name))?;
         if !leaf.plain || leaves.next().is_some() {
             return Err(wrong_type(name, "structures or nested lists", expected));
         }
-        let Some(physical) = leaf.physical else {
+        let Some(physical) = leaf.physical.filter(|physical| *physical != Physical::Bytes) else {
             return Err(wrong_type(name, "text or bytes", expected));
         };
-        let mut values = Values::none(physical);
+        let values = Values::none(physical);
         if leaf.max_repetition != lists {
             let found =
                 if leaf.max_repetition == 0 { values.name().into() } else { format!("a list of {}", values.name()) };
             return Err(wrong_type(name, &found, expected));
         }
-        let mut budget = Budget { numbers: MAX_NUMBERS, bytes: MAX_DECOMPRESSED };
-        let mut lengths = Vec::new();
+        let budget = Budget { numbers: MAX_NUMBERS, bytes: MAX_DECOMPRESSED, text: 0 };
+        let column = self.read(place, budget, Column { values, lengths: Vec::new(), there: None })?;
+        let rows = if lists == 0 { column.values.len() } else { column.lengths.len() };
+        self.whole(name, rows)?;
+        Ok((column.values, column.lengths))
+    }
+
+    /// Appends all row groups of the leaf at `place` to `column`.
+    fn read(&self, place: usize, mut budget: Budget, mut column: Column) -> Result<Column, String> {
+        let leaf = &self.footer.leaves[place];
         for group in &self.footer.groups {
-            read_chunk(&self.file, leaf, &group.chunks[place], &mut budget, &mut values, &mut lengths)
-                .map_err(|reason| format!("its column `{name}` has {reason}"))?;
+            read_chunk(&self.file, leaf, &group.chunks[place], &mut budget, &mut column)
+                .map_err(|reason| format!("its column `{}` has {reason}", leaf.column))?;
         }
-        let rows = if lists == 0 { values.len() } else { lengths.len() };
+        Ok(column)
+    }
+
+    fn whole(&self, name: &str, rows: usize) -> Result<(), String> {
         if rows != self.footer.rows {
             return Err(format!("its column `{name}` has {rows} of {} rows", self.footer.rows));
         }
-        Ok((values, lengths))
+        Ok(())
     }
 }
 

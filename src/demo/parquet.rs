@@ -13,21 +13,9 @@
 //! Provenance is the file's key-value metadata. Other columns are ignored; a flawed file is an error that says what was
 //! expected.
 //!
-//! polars writes the files but does not read them. It reserves whatever memory a file claims to need, so that one
-//! flipped bit can abort the process, past every handler; and demonstrations are the files that come from strangers. The
-//! reader here knows what writers of such files use (pyarrow, pandas, polars, DuckDB): numbers, truth values and lists of
-//! numbers, plain or by dictionary, in pages of either version.
+//! polars writes the files; [`crate::parquet`] reads them, since they come from strangers.
 
-mod footer;
-mod pages;
-mod table;
-mod thrift;
-
-use std::{
-    fs::{File, Permissions},
-    io::{self, Read},
-    path::Path,
-};
+use std::{fs::Permissions, io, path::Path};
 
 use nalgebra::DMatrix;
 use polars::prelude::{
@@ -35,11 +23,12 @@ use polars::prelude::{
     ListPrimitiveChunkedBuilder, ParquetWriter,
 };
 
-pub(super) use pages::Values;
-pub(super) use table::{MAX_NUMBERS, Table};
-
 use super::{DemoError, Demonstration};
-use crate::env::Pose;
+use crate::{
+    env::Pose,
+    intake::{self, Links},
+    parquet::Table,
+};
 
 /// The largest file that is read, bytes: ten times 20,000 steps of Ant.
 const MAX_BYTES: u64 = 1 << 30;
@@ -73,6 +62,14 @@ impl Demonstration {
         let failed = |reason: String| DemoError::Unreadable { path: path.to_owned(), reason };
         let bytes = read_bounded(path).map_err(failed)?;
         from_bytes(bytes).map_err(failed)
+    }
+
+    /// The BLAKE3 digest of the file `path`, whatever it holds.
+    ///
+    /// Errors: it is missing, no regular file, or larger than 1 GiB.
+    pub fn digest(path: &Path) -> Result<String, DemoError> {
+        let bytes = read_bounded(path).map_err(|reason| DemoError::Unreadable { path: path.to_owned(), reason })?;
+        Ok(blake3::hash(&bytes).to_hex().to_string())
     }
 
     /// One row a step.
@@ -125,13 +122,7 @@ fn lists<'a>(name: &str, width: usize, n: usize, rows: impl Iterator<Item = &'a 
 
 /// The whole file, if it is not too large.
 pub(super) fn read_bounded(path: &Path) -> Result<Vec<u8>, String> {
-    let file = File::open(path).map_err(|error| error.to_string())?;
-    let mut bytes = Vec::new();
-    file.take(MAX_BYTES + 1).read_to_end(&mut bytes).map_err(|error| error.to_string())?;
-    if bytes.len() as u64 > MAX_BYTES {
-        return Err(format!("it is larger than {} MiB", MAX_BYTES >> 20));
-    }
-    Ok(bytes)
+    intake::read(path, Links::Follow, MAX_BYTES).map_err(|error| error.to_string())
 }
 
 /// The demonstration that a file holds.

@@ -1,6 +1,6 @@
 //! A column's pages: decompression, levels, values.
 
-use std::io::Read;
+use std::{io::Read, sync::Arc};
 
 use super::{
     footer::{Chunk, Leaf, Physical},
@@ -10,14 +10,18 @@ use super::{
 /// The largest page, bytes once decompressed; writers make pages of about a megabyte.
 const MAX_PAGE: usize = 1 << 28;
 
+/// What a text takes beside its bytes.
+const ENTRY: usize = 32;
+
 /// A column's values, one after another.
 #[derive(Debug, Clone, PartialEq)]
-pub(in crate::demo) enum Values {
+pub(crate) enum Values {
     Bool(Vec<bool>),
     I32(Vec<i32>),
     I64(Vec<i64>),
     F32(Vec<f32>),
     F64(Vec<f64>),
+    Text(Vec<Arc<str>>),
 }
 
 impl Values {
@@ -29,6 +33,7 @@ impl Values {
             Physical::I64 => Self::I64(vec![]),
             Physical::F32 => Self::F32(vec![]),
             Physical::F64 => Self::F64(vec![]),
+            Physical::Bytes => Self::Text(vec![]),
         }
     }
 
@@ -40,6 +45,7 @@ impl Values {
             Self::I64(_) => Self::I64(vec![]),
             Self::F32(_) => Self::F32(vec![]),
             Self::F64(_) => Self::F64(vec![]),
+            Self::Text(_) => Self::Text(vec![]),
         }
     }
 
@@ -51,22 +57,36 @@ impl Values {
             Self::I64(_) => "i64",
             Self::F32(_) => "f32",
             Self::F64(_) => "f64",
+            Self::Text(_) => "text",
         }
     }
 
     /// How many there are.
-    pub(in crate::demo) fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         match self {
             Self::Bool(values) => values.len(),
             Self::I32(values) => values.len(),
             Self::I64(values) => values.len(),
             Self::F32(values) => values.len(),
             Self::F64(values) => values.len(),
+            Self::Text(values) => values.len(),
         }
     }
 
-    /// Appends `n` values that `bytes` hold one after another.
-    fn extend_plain(&mut self, bytes: &[u8], n: usize) -> Result<(), String> {
+    /// As f64, truth values as 0 and 1; `None` of text.
+    pub(crate) fn widened(self) -> Option<Vec<f64>> {
+        Some(match self {
+            Self::Bool(values) => values.into_iter().map(|value| f64::from(u8::from(value))).collect(),
+            Self::I32(values) => values.into_iter().map(f64::from).collect(),
+            Self::I64(values) => values.into_iter().map(|value| value as f64).collect(),
+            Self::F32(values) => values.into_iter().map(f64::from).collect(),
+            Self::F64(values) => values,
+            Self::Text(_) => return None,
+        })
+    }
+
+    /// Appends `n` values that `bytes` hold one after another; text at the expense of `budget`.
+    fn extend_plain(&mut self, bytes: &[u8], n: usize, budget: &mut Budget) -> Result<(), String> {
         fn words<const N: usize, T>(
             bytes: &[u8],
             n: usize,
@@ -85,15 +105,23 @@ impl Values {
             Self::I64(values) => values.extend(words(bytes, n, i64::from_le_bytes)?),
             Self::F32(values) => values.extend(words(bytes, n, f32::from_le_bytes)?),
             Self::F64(values) => values.extend(words(bytes, n, f64::from_le_bytes)?),
+            Self::Text(values) => {
+                let mut reader = Reader { rest: bytes };
+                for _ in 0..n {
+                    let text = std::str::from_utf8(prefixed(&mut reader)?).map_err(|_| "text that is not UTF-8")?;
+                    budget.spend_text(text.len() + ENTRY)?;
+                    values.push(text.into());
+                }
+            }
         }
         Ok(())
     }
 
-    /// Appends the values of `dictionary` at `indices`.
-    fn extend_from(&mut self, dictionary: &Self, indices: &[u32]) -> Result<(), String> {
-        fn look_up<T: Copy>(values: &mut Vec<T>, dictionary: &[T], indices: &[u32]) -> Result<(), String> {
+    /// Appends the values of `dictionary` at `indices`; text at the expense of `budget`.
+    fn extend_from(&mut self, dictionary: &Self, indices: &[u32], budget: &mut Budget) -> Result<(), String> {
+        fn look_up<T: Clone>(values: &mut Vec<T>, dictionary: &[T], indices: &[u32]) -> Result<(), String> {
             for &index in indices {
-                values.push(*dictionary.get(index as usize).ok_or("a value is not in its dictionary")?);
+                values.push(dictionary.get(index as usize).ok_or("a value is not in its dictionary")?.clone());
             }
             Ok(())
         }
@@ -103,6 +131,11 @@ impl Values {
             (Self::I64(values), Self::I64(dictionary)) => look_up(values, dictionary, indices),
             (Self::F32(values), Self::F32(dictionary)) => look_up(values, dictionary, indices),
             (Self::F64(values), Self::F64(dictionary)) => look_up(values, dictionary, indices),
+            (Self::Text(values), Self::Text(dictionary)) => {
+                let before = values.len();
+                look_up(values, dictionary, indices)?;
+                values[before..].iter().try_for_each(|text| budget.spend_text(text.len()))
+            }
             _ => Err("a dictionary is of another type than its column".into()),
         }
     }
@@ -110,8 +143,28 @@ impl Values {
 
 /// What may still be read of a file, so that a small file cannot fill the memory.
 pub(super) struct Budget {
+    /// Values, gaps among them.
     pub(super) numbers: usize,
+    /// Bytes that are decompressed.
     pub(super) bytes: usize,
+    /// Bytes of text, as often as it stands in a row or a dictionary.
+    pub(super) text: usize,
+}
+
+impl Budget {
+    fn spend_text(&mut self, bytes: usize) -> Result<(), String> {
+        self.text = self.text.checked_sub(bytes).ok_or("more text than is read")?;
+        Ok(())
+    }
+}
+
+/// What has been read of a column.
+pub(super) struct Column {
+    pub(super) values: Values,
+    /// For a column of lists, the length of each row.
+    pub(super) lengths: Vec<usize>,
+    /// Whether each row has a value; absent where gaps are refused.
+    pub(super) there: Option<Vec<bool>>,
 }
 
 /// A page as its header describes it.
@@ -156,14 +209,13 @@ impl Page {
     }
 }
 
-/// Appends a row group's part of a column to `values`, and for a list column the length of each row to `lengths`.
+/// Appends a row group's part of a column to `column`.
 pub(super) fn read_chunk(
     file: &[u8],
     leaf: &Leaf,
     chunk: &Chunk,
     budget: &mut Budget,
-    values: &mut Values,
-    lengths: &mut Vec<usize>,
+    column: &mut Column,
 ) -> Result<(), String> {
     let start = usize::try_from(chunk.offset).ok().filter(|&start| start < file.len());
     let mut reader = Reader { rest: &file[start.ok_or("a column lies outside the file")?..] };
@@ -175,7 +227,7 @@ pub(super) fn read_chunk(
         let stored = reader.take(size(page.compressed_size)?)?;
         let n = size(page.values)?;
         if n > budget.numbers || size(page.size)? > budget.bytes.min(MAX_PAGE) {
-            return Err("it holds more than is read, 128 million numbers".into());
+            return Err("more than is read".into());
         }
         budget.bytes -= size(page.size)?;
         match page.kind {
@@ -185,12 +237,12 @@ pub(super) fn read_chunk(
                 if held > claimed {
                     return Err(format!("a column claims {claimed} values and has more"));
                 }
-                data_page(leaf, chunk, &page, stored, dictionary.as_ref(), values, lengths)?;
+                data_page(leaf, chunk, &page, stored, dictionary.as_ref(), budget, column)?;
             }
             2 => {
                 let bytes = decompress(chunk.codec, stored, size(page.size)?)?;
-                let mut entries = values.none_yet();
-                entries.extend_plain(&bytes, n)?;
+                let mut entries = column.values.none_yet();
+                entries.extend_plain(&bytes, n, budget)?;
                 dictionary = Some(entries);
             }
             _ => {}
@@ -206,8 +258,8 @@ fn data_page(
     page: &Page,
     stored: &[u8],
     dictionary: Option<&Values>,
-    values: &mut Values,
-    lengths: &mut Vec<usize>,
+    budget: &mut Budget,
+    column: &mut Column,
 ) -> Result<(), String> {
     let n = size(page.values)?;
     let (definition_width, repetition_width) = (width(leaf.max_definition), width(leaf.max_repetition));
@@ -229,27 +281,33 @@ fn data_page(
         (repetitions, definitions, levels.rest)
     };
     let definitions = hybrid(definitions, definition_width, n)?;
-    if definitions.iter().any(|&level| level != leaf.max_definition) {
-        return Err(if leaf.max_repetition > 0 { "gaps or empty lists" } else { "gaps" }.into());
+    let is_there = |level: &u32| *level == leaf.max_definition;
+    let n_there = definitions.iter().filter(|level| is_there(level)).count();
+    match &mut column.there {
+        Some(there) => there.extend(definitions.iter().map(is_there)),
+        None if n_there < n && leaf.max_repetition > 0 => return Err("gaps or empty lists".into()),
+        None if n_there < n => return Err("gaps".into()),
+        None => {}
     }
     if leaf.max_repetition > 0 {
         for level in hybrid(repetitions, repetition_width, n)? {
             if level == 0 {
-                lengths.push(0);
+                column.lengths.push(0);
             }
-            *lengths.last_mut().ok_or("a column begins within a row")? += 1;
+            *column.lengths.last_mut().ok_or("a column begins within a row")? += 1;
         }
     }
     match page.encoding {
-        0 => values.extend_plain(rest, n),
+        _ if n_there == 0 => Ok(()),
+        0 => column.values.extend_plain(rest, n_there, budget),
         2 | 8 => {
             let dictionary = dictionary.ok_or("a page has no dictionary")?;
             let (&width, indices) = rest.split_first().ok_or("a page ends too early")?;
-            values.extend_from(dictionary, &hybrid(indices, u32::from(width), n)?)
+            column.values.extend_from(dictionary, &hybrid(indices, u32::from(width), n_there)?, budget)
         }
-        3 => match values {
+        3 => match &mut column.values {
             Values::Bool(values) => {
-                let bits = hybrid(prefixed(&mut Reader { rest })?, 1, n)?;
+                let bits = hybrid(prefixed(&mut Reader { rest })?, 1, n_there)?;
                 values.extend(bits.into_iter().map(|bit| bit == 1));
                 Ok(())
             }

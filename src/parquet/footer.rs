@@ -13,6 +13,7 @@ pub(super) enum Physical {
     I64,
     F32,
     F64,
+    Bytes,
 }
 
 /// One leaf of the schema.
@@ -20,8 +21,10 @@ pub(super) enum Physical {
 pub(super) struct Leaf {
     /// The name of the column that it belongs to.
     pub(super) column: String,
-    /// Absent for text and the like.
+    /// Absent for what is none of these.
     pub(super) physical: Option<Physical>,
+    /// Whether its whole numbers have no sign.
+    pub(super) unsigned: bool,
     /// A value with this definition level is there.
     pub(super) max_definition: u32,
     /// How many lists are around a value.
@@ -57,6 +60,7 @@ pub(super) struct Footer {
 struct Node {
     physical: Option<i64>,
     repetition: i64,
+    converted: i64,
     name: String,
     children: i64,
 }
@@ -64,7 +68,7 @@ struct Node {
 impl Footer {
     /// The description at the end of `file`.
     pub(super) fn read(file: &[u8]) -> Result<Self, String> {
-        let no_parquet = || "it is no Parquet file".to_owned();
+        let no_parquet = || "it is not a Parquet file".to_owned();
         let described = file.strip_suffix(b"PAR1").ok_or_else(no_parquet)?;
         let (described, length) = described.split_last_chunk::<4>().ok_or_else(no_parquet)?;
         let length = u32::from_le_bytes(*length) as usize;
@@ -100,6 +104,7 @@ fn node(reader: &mut Reader<'_>) -> Result<Node, String> {
             (3, Kind::Int) => node.repetition = reader.int()?,
             (4, Kind::Binary) => node.name = reader.string()?,
             (5, Kind::Int) => node.children = reader.int()?,
+            (6, Kind::Int) => node.converted = reader.int()?,
             _ => reader.skip(kind)?,
         }
         Ok(())
@@ -157,6 +162,7 @@ fn note(reader: &mut Reader<'_>) -> Result<(String, String), String> {
 fn leaves(nodes: &[Node]) -> Result<Vec<Leaf>, String> {
     const REQUIRED: i64 = 0;
     const REPEATED: i64 = 2;
+    const UNSIGNED: std::ops::RangeInclusive<i64> = 11..=14; // of 8 to 64 bits
     let (root, nodes) = nodes.split_first().ok_or("it describes no columns")?;
     // For each open group: children to come, and the levels and column of what is in it.
     let mut open = vec![(root.children, 0, 0, None::<String>, true)];
@@ -184,11 +190,13 @@ fn leaves(nodes: &[Node]) -> Result<Vec<Leaf>, String> {
             Some(2) => Some(Physical::I64),
             Some(4) => Some(Physical::F32),
             Some(5) => Some(Physical::F64),
-            Some(3 | 6 | 7) => None,
+            Some(6) => Some(Physical::Bytes),
+            Some(3 | 7) => None,
             _ => return Err(format!("its column `{column}` has no known type")),
         };
         let plain = plain && (max_repetition == 1 || open.len() == 1);
-        leaves.push(Leaf { column, physical, max_definition, max_repetition, plain });
+        let unsigned = UNSIGNED.contains(&node.converted);
+        leaves.push(Leaf { column, physical, unsigned, max_definition, max_repetition, plain });
     }
     if open.iter().any(|group| group.0 != 0) {
         return Err("its schema ends too early".into());

@@ -1,6 +1,6 @@
 //! Thrift's compact protocol, in which Parquet describes itself: reading alone, and nothing a file claims is believed.
 
-/// The most elements of one list: no demonstration has as many columns, row groups or notes.
+/// The most elements of one list: no file of ours has as many columns, row groups or notes.
 const MAX_ELEMENTS: u64 = 100_000;
 
 /// How deep structures nest at most.
