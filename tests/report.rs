@@ -97,8 +97,12 @@ fn record(spec: &RunSpec, results: &Path, end: Result<f64, &str>) {
 }
 
 fn report(folder: &Path) -> Output {
+    report_with(folder, &[])
+}
+
+fn report_with(folder: &Path, options: &[&str]) -> Output {
     let mut command = Command::cargo_bin("mcpo-run").expect("the binary is built");
-    command.current_dir(folder).args(["report", "small.toml"]).output().expect("it runs")
+    command.current_dir(folder).args(["report", "small.toml"]).args(options).output().expect("it runs")
 }
 
 fn plan_in(folder: &Path) -> Vec<RunSpec> {
@@ -268,14 +272,94 @@ fn a_value_that_contradicts_the_papers_is_named_wherever_its_table_stands() {
     let results = folder.path().join("results");
     for run in plan(&spec).expect("a plan") {
         // The paper's are 1000 ± 0 and 728 ± 360.
-        record(&run, &results, Ok(if run.algorithm_name() == "mcpo" { 1000.0 } else { 900.0 }));
+        record(&run, &results, Ok(if run.algorithm_name() == "mcpo" { 1000.0 } else { 30.0 }));
     }
     let output = report(folder.path());
     let stdout = String::from_utf8_lossy(&output.stdout);
-    assert_eq!(output.status.code(), Some(3), "{stdout}");
-    let told: Vec<&str> = stdout.lines().filter(|line| line.contains("above") || line.contains("below")).collect();
-    let ppo = "InvertedPendulum-v2, PPO: above the paper's value";
+    assert_eq!(output.status.code(), Some(0), "{stdout}");
+    let told: Vec<&str> = stdout.lines().filter(|line| line.contains("the paper's value (")).collect();
+    let ppo = "InvertedPendulum-v2, PPO: worse than the paper's value";
     assert_eq!(told, [format!("{ppo} (Returns)"), format!("{ppo} (Again)")]);
+    assert_eq!(report_with(folder.path(), &["--strict"]).status.code(), Some(3));
+
+    let written = results.join("small/report");
+    let cells = fs::read_to_string(written.join("returns.csv")).expect("readable");
+    let verdicts: Vec<&str> = cells.lines().skip(1).filter_map(|line| line.split(',').nth(18)).collect();
+    assert_eq!(verdicts, ["reproduced", "worse"], "{cells}");
+    let table = fs::read_to_string(written.join("returns.md")).expect("readable");
+    assert!(table.contains("| 30, 30, 30 |") && table.contains("| worse "), "{table}");
+    let seeds = fs::read_to_string(written.join("returns-seeds.csv")).expect("readable");
+    assert!(seeds.contains("InvertedPendulum-v2,ppo,2,30\n"), "{seeds}");
+}
+
+#[test]
+fn claims_are_judged_by_what_is_recorded() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let claims = r#"
+[[claims]]
+name = "MCPO outperforms PPO"
+of = "algorithm=mcpo"
+is = "above"
+than = "algorithm=ppo"
+
+[[claims]]
+name = "PPO has the smaller MMD | at the end"
+of = "algorithm=ppo"
+is = "below"
+than = "algorithm=mcpo"
+on = "mmd"
+
+[[claims]]
+name = "MCPO keeps its constraint"
+of = "algorithm=mcpo"
+is = "kept"
+"#;
+    let matrix = MATRIX.replace("[0, 1]", "[0, 1, 2]") + claims;
+    fs::write(folder.path().join("small.toml"), matrix).expect("written");
+    let spec = spec::load(&folder.path().join("small.toml"), &Overrides::default()).expect("a valid file");
+    let results = folder.path().join("results");
+    let plan = plan(&spec).expect("a plan");
+    let of = |algorithm: &str, seed: u64| if algorithm == "mcpo" { 900.0 + seed as f64 } else { 30.0 - seed as f64 };
+    plan.iter().for_each(|run| record(run, &results, Ok(of(run.algorithm_name(), run.seed.0))));
+
+    let output = report_with(folder.path(), &["--strict"]);
+    let stdout = String::from_utf8_lossy(&output.stdout);
+    assert_eq!(output.status.code(), Some(0), "{stdout}");
+    assert!(stdout.contains("return of algorithm=mcpo above that of algorithm=ppo"), "{stdout}");
+    let verdict = |claim: &str, text: &str| {
+        let line = text.lines().find(|line| line.contains(claim)).expect(claim).to_owned();
+        ["holds", "contradicted", "inconclusive"].into_iter().find(|verdict| line.contains(verdict)).expect("one")
+    };
+    for (claim, wanted) in [("MCPO outperforms", "holds"), ("PPO has the", "inconclusive"), ("MCPO keeps", "holds")] {
+        assert_eq!(verdict(claim, &stdout), wanted, "{claim}");
+    }
+    let written = results.join("small/report");
+    let csv = fs::read_to_string(written.join("claims.csv")).expect("readable");
+    let row = "MCPO outperforms PPO,algorithm=mcpo,above,algorithm=ppo,return,InvertedPendulum-v2,,872,";
+    assert!(csv.contains(row) && csv.contains(",3,3,3,3,"), "{csv}");
+    let page = fs::read_to_string(written.join("README.md")).expect("readable");
+    assert!(page.contains("## Claims") && page.contains("PPO has the smaller MMD \\| at the end"), "{page}");
+    assert!(written.join("claims.tex").exists());
+
+    plan.iter().for_each(|run| record(run, &results, Ok(1000.0 - of(run.algorithm_name(), run.seed.0))));
+    assert_eq!(report_with(folder.path(), &[]).status.code(), Some(0));
+    let output = report_with(folder.path(), &["--strict"]);
+    let stdout = String::from_utf8_lossy(&output.stdout);
+    assert_eq!(output.status.code(), Some(3), "{stdout}");
+    assert!(stdout.contains("MCPO outperforms PPO: contradicted in InvertedPendulum-v2\n"), "{stdout}");
+}
+
+#[test]
+fn neither_claims_nor_tables_nor_figures_make_another_run() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let planned = |text: &str| {
+        let file = folder.path().join("small.toml");
+        fs::write(&file, text).expect("written");
+        plan(&spec::load(&file, &Overrides::default()).expect("a valid file")).expect("a plan")
+    };
+    let (whole, bare) = (MATRIX.to_owned(), &MATRIX[..MATRIX.find("[[figures]]").expect("there is one")]);
+    let claims = "[[claims]]\nname = 'c'\nof = 'algorithm=mcpo'\nis = 'kept'\n";
+    assert!(planned(&(whole + claims)) == planned(bare));
 }
 
 /// The program on `small.toml`; what it says on stdout.

@@ -3,7 +3,7 @@
 //! Owns what a user types and sees, and the exit codes. Knows nothing that another program could want to know: everything else
 //! is in the modules that it calls. Start at [`main`].
 //!
-//! Exit codes: 0 all good; 1 some runs failed; 2 usage or configuration; 3 a reference verdict failed; 4 not reproduced;
+//! Exit codes: 0 all good; 1 some runs failed; 2 usage or configuration; 3 a verdict or a claim failed, where `report --strict` asks; 4 not reproduced;
 //! 130 interrupted, and resumable.
 
 mod again;
@@ -55,8 +55,8 @@ enum Command {
     Plan(plan::PlanArguments),
     /// Show what has finished, is running, has failed (and why) and is still to do, and the time left; also during a campaign
     Status(Selected),
-    /// Write tables and figures from recorded files alone
-    Report(Selected),
+    /// Write tables, claims and figures from recorded files alone
+    Report(report::ReportArguments),
     /// Run a matrix and compare with what is recorded of it; exit with 4 where it is not reproduced
     ///
     /// Within one numeric class (CPU features, C library, engine and algorithms) every row and the policy must have the same
@@ -104,7 +104,7 @@ fn dispatch(arguments: Arguments) -> anyhow::Result<ExitCode> {
         Command::Run(arguments) => run::run(&arguments),
         Command::Plan(arguments) => plan::run(&arguments),
         Command::Status(selected) => status::run(&selected),
-        Command::Report(selected) => report::run(&selected),
+        Command::Report(arguments) => report::run(&arguments),
         Command::Verify(arguments) => verify::run(&arguments),
         Command::Reproduce(arguments) => reproduce::run(&arguments),
         Command::Eval(arguments) => eval::run(&arguments),

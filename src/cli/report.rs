@@ -7,28 +7,38 @@ use comfy_table::Table;
 
 use super::{print, selected::Selected};
 use crate::{
-    report::{self, Label, ReportError, Row, Scope, TableData, Verdict},
+    report::{self, ClaimRow, ClaimVerdict, Label, ReportError, Row, Scope, TableData, Verdict, claims_text},
     spec::ExperimentSpec,
 };
 
-/// The exit code when a table's value is above or below the paper's.
-const VERDICT_FAILED: u8 = 3;
+/// The exit code of `--strict`.
+const CONTRADICTED: u8 = 3;
 
-/// Reports what `selected` says.
-pub fn run(selected: &Selected) -> anyhow::Result<ExitCode> {
-    let Selected { only, axis, set, results, .. } = selected;
+/// What to report.
+#[derive(Debug, clap::Args)]
+pub struct ReportArguments {
+    #[command(flatten)]
+    selected: Selected,
+    /// Exit with 3 where a value is better or worse than the paper's, or a claim of the file is contradicted
+    #[arg(long)]
+    strict: bool,
+}
+
+/// Reports what `arguments` say.
+pub fn run(arguments: &ReportArguments) -> anyhow::Result<ExitCode> {
+    let Selected { only, axis, set, results, .. } = &arguments.selected;
     let scope = Scope { only: only.clone(), axis: axis.clone(), set: set.clone() };
-    write(&selected.load()?, results, &scope, false)
+    let is_contradicted = write(&arguments.selected.load()?, results, &scope, false)?;
+    Ok(if arguments.strict && is_contradicted { ExitCode::from(CONTRADICTED) } else { ExitCode::SUCCESS })
 }
 
 /// Writes the figures and tables of `experiments`, as far as `scope` goes, from what is recorded under `results`; shows each
-/// one's first table on stdout, and names what contradicts the paper in any of them, and the files; `quiet`, only what
-/// contradicts. An experiment of which
-/// there is nothing to report is named; that is an error where it is so of all.
+/// one's first table and its claims on stdout, and names what contradicts the paper in any of them, and the files; `quiet`, only
+/// what contradicts. An experiment of which there is nothing to report is named; that is an error where it is so of all.
 ///
-/// Exits with 3 when a value that can be compared with the paper's is not consistent with it.
-pub fn write(experiments: &[ExperimentSpec], results: &Path, scope: &Scope, quiet: bool) -> anyhow::Result<ExitCode> {
-    let (mut consistent, mut without) = (true, Vec::new());
+/// Tells whether a value is better or worse than the paper's, or a claim contradicted.
+pub fn write(experiments: &[ExperimentSpec], results: &Path, scope: &Scope, quiet: bool) -> anyhow::Result<bool> {
+    let (mut is_contradicted, mut without) = (false, Vec::new());
     for experiment in experiments {
         let name = &experiment.name;
         let written = match report::write(experiment, results, scope) {
@@ -40,19 +50,23 @@ pub fn write(experiments: &[ExperimentSpec], results: &Path, scope: &Scope, quie
         };
         let table = written.tables.first();
         let table = table.map_or_else(String::new, |table| format!("\n{}", report::terminal(table, terminal_width())));
+        let claims = written.claims.as_ref();
+        let shown =
+            claims.map_or_else(String::new, |claims| format!("\n{}", claims_text::shown(claims, terminal_width())));
         let files: String = written.files.iter().map(|file| format!("{}\n", file.display())).collect();
-        let contradictions: String = written.tables.iter().map(contradictions).collect();
+        let of_claims = claims.iter().flat_map(|claims| &claims.rows).filter_map(contradicted);
+        let contradictions: String = written.tables.iter().map(contradictions).chain(of_claims).collect();
         print(&match quiet {
             true => contradictions.clone(),
-            false => format!("{name}: {}\n{table}\n{contradictions}{files}", written.state),
+            false => format!("{name}: {}\n{table}{shown}\n{contradictions}{files}", written.state),
         })?;
-        consistent &= contradictions.is_empty();
+        is_contradicted |= !contradictions.is_empty();
     }
     if without.len() == experiments.len() {
         bail!("{}", without.join("\n"));
     }
     without.iter().try_for_each(|line| print(&format!("{line}\n")))?;
-    Ok(if consistent { ExitCode::SUCCESS } else { ExitCode::from(VERDICT_FAILED) })
+    Ok(is_contradicted)
 }
 
 /// How wide the terminal is; `COLUMNS` says it where stdout is none.
@@ -61,16 +75,22 @@ fn terminal_width() -> Option<usize> {
     Table::new().width().map(usize::from).or_else(said)
 }
 
-/// The values of `table` that can be compared with the paper's and are not consistent with it, a line each.
+/// A line where `row` contradicts its claim.
+fn contradicted(row: &ClaimRow) -> Option<String> {
+    let is_contradicted = row.verdict == ClaimVerdict::Contradicted;
+    is_contradicted.then(|| format!("{}: contradicted in {}\n", row.claim.name, claims_text::place(row)))
+}
+
+/// The values of `table` that are better or worse than the paper's, a line each.
 fn contradictions(table: &TableData) -> String {
     let cells = table.rows.iter().flat_map(|row| {
         let named = table.columns.iter().zip(&row.cells);
         named.filter_map(move |(column, cell)| Some((row, column, cell.as_ref()?.verdict.as_ref()?)))
     });
-    let contradicting = cells.filter(|(.., verdict)| matches!(verdict, Verdict::Above | Verdict::Below));
+    let contradicting = cells.filter(|(.., verdict)| matches!(verdict, Verdict::Better | Verdict::Worse));
     let line = |(row, column, verdict): (&Row, &Label, &Verdict)| {
         let (labels, column) = (row.labels.join(", "), &column.text);
-        format!("{labels}, {column}: {} the paper's value ({})\n", verdict.text(), table.title)
+        format!("{labels}, {column}: {} than the paper's value ({})\n", verdict.text(), table.title)
     };
     contradicting.map(line).collect()
 }

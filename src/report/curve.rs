@@ -168,7 +168,7 @@ impl Curve {
 }
 
 /// One seed's values over environment steps.
-fn seed_values(recording: &Recording, y: &str) -> Vec<(u64, f64)> {
+pub fn seed_values(recording: &Recording, y: &str) -> Vec<(u64, f64)> {
     if y == "return" {
         let mut evaluations: BTreeMap<u64, Vec<f64>> = BTreeMap::new();
         for episode in &recording.evaluations {

@@ -5,6 +5,7 @@
 //! which the modules `figure` and `text` only show.
 
 mod axis;
+mod claims;
 mod comparable;
 mod counterpart;
 mod curve;
@@ -17,17 +18,20 @@ pub mod reference;
 mod scope;
 mod table;
 mod text;
+mod verdict;
 mod write;
 
 use std::{io, path::PathBuf};
 
 pub use axis::Label;
+pub use claims::{ClaimRow, ClaimVerdict, ClaimsData, Count};
 pub use curve::{Curve, CurveData, LeftOut, Panel, Point};
 pub use figure::{BLACK, PALETTE, picture};
 pub use recorded::{Evaluation, Loaded, Recording, Run, State, load};
 pub use scope::Scope;
-pub use table::{Best, Cell, Row, TableData, Verdict};
-pub use text::terminal;
+pub use table::{Best, Cell, Row, TableData};
+pub use text::{claims as claims_text, terminal};
+pub use verdict::{Comparison, Verdict};
 pub use write::{Written, write};
 
 use crate::{plan::PlanError, record::RecordError, spec::SelectionError};
@@ -61,6 +65,12 @@ pub enum ReportError {
         runs: usize,
         /// The selection.
         only: String,
+    },
+    /// Two parts of the report have names that make one file.
+    #[error("two parts of the report would both be {}; rename a figure or table", path.display())]
+    TwoFiles {
+        /// The file.
+        path: PathBuf,
     },
     /// A picture cannot be encoded.
     #[error("cannot draw a figure: {0}")]

@@ -2,8 +2,12 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use crate::spec::Relation;
+
 use super::{
-    axis, comparable,
+    axis,
+    claims::ClaimRow,
+    comparable,
     recorded::{Run, State, demonstrated_return},
     reference,
     table::{Cell, Row},
@@ -11,6 +15,12 @@ use super::{
 
 /// Below this many seeds an interval says little of the algorithm.
 const ENOUGH_SEEDS: usize = 10;
+
+/// What differences and verdicts mean.
+const VERDICTS: &str = "Difference: ours less the paper's in the expected best of five seeds, its 90 % interval; seeds are taken to be \
+    normal, and the paper's to deviate as ours do. Reproduced: within a tenth of the paper's Expert - Random. Better, worse: beyond \
+    it, at 5 % after Holm's correction over all cells of the report. Runs that failed count a second time at the random policy's \
+    return; a verdict holds both ways.";
 
 /// The notes of a table over `runs`, whose rows are `rows`.
 pub fn of_table(runs: &[&Run], rows: &[Row]) -> Vec<String> {
@@ -23,10 +33,12 @@ pub fn of_table(runs: &[&Run], rows: &[Row]) -> Vec<String> {
     );
     if cells.iter().any(|cell| cell.paper.is_some()) {
         notes.push(format!(
-            "The paper's: mean ± standard deviation over 50 episodes under the best policy of five seeds; {}. Consistent: \
-             the paper's value could be one more of our seeds.",
+            "The paper's: mean ± standard deviation over 50 episodes under the best policy of five seeds; {}.",
             best_seed(cells.iter().filter(|cell| cell.paper.is_some()).map(|cell| cell.seeds))
         ));
+    }
+    if cells.iter().any(|cell| cell.comparison.is_some()) {
+        notes.push(VERDICTS.to_owned());
     }
     let departures: BTreeSet<&str> = cells.iter().flat_map(|cell| &cell.departures).map(String::as_str).collect();
     if !departures.is_empty() {
@@ -56,6 +68,27 @@ pub fn of_table(runs: &[&Run], rows: &[Row]) -> Vec<String> {
     notes.extend(few_seeds(cells.iter().map(|cell| cell.seeds)));
     notes.extend(readings(runs));
     notes.extend(failures(runs));
+    notes
+}
+
+/// The notes of claims whose rows are `rows`.
+pub fn of_claims(rows: &[ClaimRow]) -> Vec<String> {
+    let mut notes = vec![
+        "Difference: mean over seeds of the first runs less that of the others, with Welch's interval; over all environments in units \
+         of the paper's Expert - Random. Above: the share of pairs of seeds in which the first is above the other."
+            .to_owned(),
+        "A claim holds, or is contradicted, at 5 % after Holm's correction over its rows; p is the smaller of both p values. Runs \
+         that failed count a second time at the random policy's return; a verdict holds both ways."
+            .to_owned(),
+    ];
+    if rows.iter().any(|row| row.claim.is == Relation::Kept) {
+        notes.push(
+            "Share: of the iterations after the first in which the constraint was met, those in which MMD² was at most a thousandth \
+             above the tolerance in force; mean over seeds with Student's interval."
+                .to_owned(),
+        );
+    }
+    notes.extend(few_seeds(rows.iter().flat_map(|row| [Some(row.seeds), row.than]).flatten().map(|count| count.found)));
     notes
 }
 
@@ -221,7 +254,7 @@ mod tests {
                 only: None,
                 reference: Some("table3".into()),
             };
-            crate::report::TableData::new(&table, &runs.iter().collect::<Vec<_>>()).notes.join("\n")
+            crate::report::TableData::of_report(&[(&table, runs.iter().collect())])[0].notes.join("\n")
         };
         assert!(few(3).contains("Fewer than 10 seeds (3)") && few(3).contains("best seed is ours of 3 seeds."));
         assert!(few(5).contains("best seed is ours in the same way."));

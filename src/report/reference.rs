@@ -1,6 +1,6 @@
 //! The figures that the paper prints.
 //!
-//! Owns `reference.toml`, the transcription of the appendix's Tables 2 to 5, and typed access to it. Knows nothing of what
+//! Owns `reference.toml`, the transcription of the appendix's Tables 2 to 5 with the margin of verdicts, and typed access to it. Knows nothing of what
 //! was recorded here. Start at [`returns`] and [`ablation`].
 
 use std::sync::LazyLock;
@@ -20,6 +20,8 @@ pub struct PaperValue {
 impl PaperValue {
     /// Evaluation episodes behind the mean (appendix, E.2).
     pub const EPISODES: f64 = 50.0;
+    /// Seeds of which the best one's policy is evaluated (appendix, E.2).
+    pub const SEEDS: usize = 5;
 }
 
 impl From<(f64, f64)> for PaperValue {
@@ -82,6 +84,28 @@ pub struct Demonstration {
     pub mmd_of_doing_nothing: f64,
 }
 
+/// What returns of one environment are measured by.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scale {
+    /// The random policy's return.
+    pub random: f64,
+    /// The expert's return less the random policy's.
+    pub distance: f64,
+}
+
+impl Scale {
+    /// The difference of returns that does not count.
+    pub fn margin(self) -> f64 {
+        PAPER.verdict.margin * self.distance
+    }
+}
+
+#[derive(Debug, Deserialize)]
+struct Verdict {
+    /// The difference that does not count, as a share of [`Scale::distance`].
+    margin: f64,
+}
+
 #[derive(Debug, Deserialize)]
 struct AblationRow {
     d: f64,
@@ -91,6 +115,7 @@ struct AblationRow {
 
 #[derive(Debug, Deserialize)]
 struct Paper {
+    verdict: Verdict,
     table2: Vec<Constraint>,
     returns: Vec<Returns>,
     demonstrations: Vec<Demonstration>,
@@ -112,6 +137,11 @@ pub fn constraint(gym: &str) -> Option<&'static Constraint> {
 pub fn returns(gym: &str) -> Option<&'static Returns> {
     let paper_name = &constraint(gym)?.environment;
     PAPER.returns.iter().find(|row| &row.environment == paper_name)
+}
+
+/// The scale of returns in the environment with Gym id `gym`: Table 4's expert and random policy.
+pub fn scale(gym: &str) -> Option<Scale> {
+    returns(gym).map(|row| Scale { random: row.random.mean, distance: row.expert.mean - row.random.mean })
 }
 
 /// The authors' demonstration in the environment with Gym id `gym`.
@@ -157,6 +187,8 @@ mod tests {
         assert_eq!(ablation(1.0, 0.0).map(|value| value.mean), Some(-586.52));
         assert_eq!(constraint("Hopper-v2").map(|row| row.d), Some(1e-4));
         assert_eq!(PAPER.returns.len(), 7);
+        let scale = scale("HalfCheetah-v2").expect("a row");
+        assert!((scale.distance - 4509.36).abs() < 1e-9 && (scale.margin() - 450.936).abs() < 1e-9, "{scale:?}");
         assert!(PAPER.table2.iter().all(|row| returns(&row.gym).is_some() && demonstration(&row.gym).is_some()));
     }
 }

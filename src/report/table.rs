@@ -1,17 +1,10 @@
 //! Tables as numbers, before anything is written.
 //!
 //! Owns what is said of each cell: our mean over seeds with its interval, the best seed, the paper's value, and the verdict.
-//! Knows nothing of Markdown or LaTeX. Start at [`TableData::new`].
+//! Knows nothing of Markdown or LaTeX. Start at [`TableData::of_report`].
 //!
-//! # The verdict
-//!
-//! The paper's value stands beside runs of the paper's setting alone: [`Counterpart`] says which those are.
-//!
-//! The paper's number is one policy's: the best of five seeds, over 50 episodes. So it is asked whether it could be one more
-//! of our seeds: it is **consistent** where the paper's 95 % interval over its 50 episodes meets our 95 % prediction
-//! interval for one more seed (the t interval's half-width times sqrt(n + 1)); else ours is **above** or **below**. The best of
-//! five lies above the mean of five, so a verdict of "below" weighs less than one of "above". With fewer than three
-//! finished seeds, or fewer steps than [`reference::assumed_budget`], it is **not comparable**, and the reason is given.
+//! The paper's value stands beside runs of the paper's setting alone: [`Counterpart`] says which those are. How both are compared is
+//! the module `verdict`'s. With fewer than three finished seeds, or fewer steps than [`reference::assumed_budget`], they are not.
 
 use std::collections::{BTreeSet, HashMap};
 
@@ -24,15 +17,10 @@ use super::{
     counterpart::Counterpart,
     curve::{CONFIDENCE, mean},
     notes,
-    recorded::{Run, demonstrated_return},
+    recorded::{Run, State, demonstrated_return},
     reference::{self, PaperValue},
+    verdict::{self, Comparison, SEEDS_FOR_VERDICT, Verdict},
 };
-
-/// Seeds without which a verdict would mean nothing.
-const SEEDS_FOR_VERDICT: usize = 3;
-
-/// Half a unit of the last digit that the paper prints.
-const ROUNDING: f64 = 0.005;
 
 /// One table.
 #[derive(Debug, Clone, PartialEq)]
@@ -71,6 +59,8 @@ pub struct Row {
 pub struct Cell {
     /// Mean over the finished seeds of their final evaluation's mean dense return, with its t interval.
     pub ours: Option<Interval>,
+    /// The values of the finished seeds, each with its seed.
+    pub values: Vec<(u64, f64)>,
     /// Finished seeds with a final evaluation.
     pub seeds: usize,
     /// Seeds that the plan has.
@@ -81,7 +71,9 @@ pub struct Cell {
     pub paper: Option<PaperValue>,
     /// The parameters that are not the paper's, which keep its value away.
     pub departures: BTreeSet<String>,
-    /// Ours against the paper's; `None` where there is nothing to compare.
+    /// Ours less the paper's, where they can be compared.
+    pub comparison: Option<Comparison>,
+    /// What that means; `None` where there is nothing to compare.
     pub verdict: Option<Verdict>,
     /// Environment steps of the shortest run.
     pub env_steps: u64,
@@ -100,34 +92,20 @@ pub struct Best {
     pub episodes: usize,
 }
 
-/// Ours against the paper's; see the module's documentation.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Verdict {
-    /// The paper's value could be one more of our seeds.
-    Consistent,
-    /// Ours is above what the paper's value allows.
-    Above,
-    /// Ours is below what the paper's value allows.
-    Below,
-    /// Too few seeds or steps; the reason.
-    NotComparable(String),
-}
-
-impl Verdict {
-    /// In words.
-    pub fn text(&self) -> String {
-        match self {
-            Self::Consistent => "consistent".to_owned(),
-            Self::Above => "above".to_owned(),
-            Self::Below => "below".to_owned(),
-            Self::NotComparable(reason) => format!("not comparable: {reason}"),
-        }
-    }
-}
-
 impl TableData {
-    /// The cells of `table` over `runs`, which are those that its `only` selects, in the plan's order.
-    pub fn new(table: &Table, runs: &[&Run]) -> Self {
+    /// All tables of a report, each with the runs that its `only` selects, in the plan's order. Their verdicts allow for each other.
+    pub fn of_report(tables: &[(&Table, Vec<&Run>)]) -> Vec<Self> {
+        let mut made: Vec<Self> = tables.iter().map(|(table, runs)| Self::without_verdicts(table, runs)).collect();
+        let cells = made.iter_mut().flat_map(|table| &mut table.rows).flat_map(|row| row.cells.iter_mut().flatten());
+        let (mut compared, verdicts): (Vec<_>, Vec<_>) =
+            cells.filter_map(|cell| Some((cell.comparison.as_mut()?, &mut cell.verdict))).unzip();
+        for (place, verdict) in verdicts.into_iter().zip(verdict::settle(&mut compared)) {
+            *place = Some(verdict);
+        }
+        made
+    }
+
+    fn without_verdicts(table: &Table, runs: &[&Run]) -> Self {
         let mut column_keys = vec![table.columns.clone()];
         let known: Vec<String> = table.rows.iter().chain(&column_keys).cloned().collect();
         let (env, others): (Vec<_>, Vec<_>) = axis::hidden_axes(runs, &known).into_iter().partition(|key| key == "env");
@@ -197,33 +175,23 @@ impl Cell {
             "random" => 0, // it does not learn
             _ => reference::assumed_budget(runs[0].spec.env.name()),
         };
-        let verdict = paper.map(|paper| match ours {
-            None => Verdict::NotComparable("no finished run".to_owned()),
+        let reason = match ours {
+            None => Some("no finished run".to_owned()),
             Some(_) if seeds.len() < SEEDS_FOR_VERDICT => {
-                Verdict::NotComparable(format!("{}; {SEEDS_FOR_VERDICT} are needed", notes::count(seeds.len(), "seed")))
+                Some(format!("{}; {SEEDS_FOR_VERDICT} are needed", notes::count(seeds.len(), "seed")))
             }
             Some(_) if env_steps < needed => {
-                Verdict::NotComparable(format!("{} of {} steps", notes::steps(env_steps), notes::steps(needed)))
+                Some(format!("{} of {} steps", notes::steps(env_steps), notes::steps(needed)))
             }
-            Some(ours) => verdict(ours, seeds.len(), paper),
-        });
-        Self { ours, seeds: seeds.len(), planned: runs.len(), best, paper, departures, verdict, env_steps }
-    }
-}
-
-/// Compares the interval of `seeds` seeds with the paper's value; the module's documentation says how.
-fn verdict(ours: Interval, seeds: usize, paper: PaperValue) -> Verdict {
-    let one_more = (seeds as f64 + 1.0).sqrt();
-    // t(0.975, 49), for the paper's 50 episodes.
-    let paper_half = 2.009575 * paper.std / PaperValue::EPISODES.sqrt() + ROUNDING;
-    let low = ours.mean - (ours.mean - ours.low) * one_more;
-    let high = ours.mean + (ours.high - ours.mean) * one_more;
-    if low > paper.mean + paper_half {
-        Verdict::Above
-    } else if high < paper.mean - paper_half {
-        Verdict::Below
-    } else {
-        Verdict::Consistent
+            Some(_) => None,
+        };
+        let failed = runs.iter().filter(|run| matches!(run.state, State::Failed { .. })).count();
+        let comparison = paper.filter(|_| reason.is_none()).zip(reference::scale(runs[0].spec.env.name()));
+        let comparison = comparison.and_then(|(paper, scale)| Comparison::new(&means, failed, paper, scale));
+        let verdict = reason.filter(|_| paper.is_some()).map(Verdict::NotComparable);
+        let values = seeds.iter().map(|(seed, _)| *seed).zip(means).collect();
+        let (seeds, planned) = (seeds.len(), runs.len());
+        Self { ours, values, seeds, planned, best, paper, departures, comparison, verdict, env_steps }
     }
 }
 
@@ -244,7 +212,7 @@ mod tests {
     }
 
     fn table(table: &Table, runs: &[Run]) -> TableData {
-        TableData::new(table, &runs.iter().collect::<Vec<_>>())
+        TableData::of_report(&[(table, runs.iter().collect())]).remove(0)
     }
 
     fn only_cell(data: &TableData) -> &Cell {
@@ -299,19 +267,6 @@ mod tests {
         assert!((ours.mean - 4.0).abs() < 1e-12 && (ours.high - 4.0 - half).abs() < 1e-6, "{ours:?}");
         assert_eq!(cell.best, Some(Best { seed: 1, mean: 6.0, std: 2.0_f64.sqrt(), episodes: 2 }));
         assert_eq!(cell.verdict, Some(Verdict::NotComparable("100 of 3M steps".into())));
-    }
-
-    #[test]
-    fn the_verdict_asks_whether_the_paper_could_be_one_more_seed() {
-        let ours = Interval { mean: 100.0, low: 90.0, high: 110.0 };
-        // With 3 seeds the prediction interval is 100 ± 20; the paper's is its mean ± 0.2842 std.
-        let paper = |mean, std| PaperValue { mean, std };
-        assert_eq!(verdict(ours, 3, paper(119.9, 0.0)), Verdict::Consistent);
-        assert_eq!(verdict(ours, 3, paper(120.1, 0.0)), Verdict::Below);
-        assert_eq!(verdict(ours, 3, paper(122.8, 10.0)), Verdict::Consistent);
-        assert_eq!(verdict(ours, 3, paper(79.0, 1.0)), Verdict::Above);
-        let exact = Interval { mean: 1000.0, low: 1000.0, high: 1000.0 };
-        assert_eq!(verdict(exact, 5, paper(1000.0, 0.0)), Verdict::Consistent);
     }
 
     #[test]

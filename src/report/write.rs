@@ -15,10 +15,13 @@ use crate::{
 };
 
 use super::{
-    CurveData, ReportError, Scope, TableData, axis, figure, notes,
+    ClaimsData, CurveData, ReportError, Scope, TableData, axis, claims, figure, notes,
     recorded::{self, Loaded, Run, State},
     text,
 };
+
+/// The name of the files of claims.
+const CLAIMS: &str = "claims";
 
 /// What was written of one experiment.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,6 +30,8 @@ pub struct Written {
     pub files: Vec<PathBuf>,
     /// The tables.
     pub tables: Vec<TableData>,
+    /// The claims; `None` where the file makes none.
+    pub claims: Option<ClaimsData>,
     /// `12 of 35 runs finished`, with what failed and what was left out.
     pub state: String,
 }
@@ -53,7 +58,7 @@ pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Wri
         }
     }
     let figures = figures(spec);
-    let progress = figures.iter().any(|figure| figure.y != "return");
+    let progress = figures.iter().any(|figure| figure.y != "return") || spec.claims.iter().any(claims::needs_progress);
     let Loaded { mut runs, remarks } = recorded::load(&plan, results, progress)?;
     let planned = runs.len();
     let untouched = leave_out_untouched(&mut runs);
@@ -61,15 +66,23 @@ pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Wri
     let mut files = Files::in_folder(home.join(scope.folder()))?;
 
     let mut body = String::new();
-    let mut made = Vec::new();
-    for table in &tables {
-        let data = TableData::new(table, &selected(&runs, table.only.as_deref())?);
-        let markdown = text::markdown(&data);
-        files.write(&table.name, "md", markdown.as_bytes())?;
-        files.write(&table.name, "tex", text::latex(&data).as_bytes())?;
-        files.write(&table.name, "csv", &text::csv(&data)?)?;
+    let judged = (!spec.claims.is_empty()).then(|| ClaimsData::new(&spec.claims, &runs)).transpose()?;
+    if let Some(claims) = &judged {
+        let markdown = text::claims::markdown(claims);
+        files.write(CLAIMS, "md", markdown.as_bytes())?;
+        files.write(CLAIMS, "tex", text::claims::latex(claims).as_bytes())?;
+        files.write(CLAIMS, "csv", &text::claims::csv(claims)?)?;
         body.push_str(&format!("\n#{markdown}"));
-        made.push(data);
+    }
+    let asked = tables.iter().map(|table| Ok((table, selected(&runs, table.only.as_deref())?)));
+    let made = TableData::of_report(&asked.collect::<Result<Vec<_>, ReportError>>()?);
+    for (table, data) in tables.iter().zip(&made) {
+        let markdown = text::markdown(data);
+        files.write(&table.name, "md", markdown.as_bytes())?;
+        files.write(&table.name, "tex", text::latex(data).as_bytes())?;
+        files.write(&table.name, "csv", &text::csv(data)?)?;
+        files.write(&format!("{}-seeds", table.name), "csv", &text::seeds_csv(data)?)?;
+        body.push_str(&format!("\n#{markdown}"));
     }
     let mut unknown = BTreeSet::new();
     for figure in &figures {
@@ -99,7 +112,7 @@ pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Wri
     let page = format!("# {name}\n\n{description}\n\n{first}\n\n{lines}{body}");
     files.write("README", "md", page.as_bytes())?;
     files.close()?;
-    Ok(Written { files: files.written, tables: made, state: state.join("\n- ") })
+    Ok(Written { files: files.written, tables: made, claims: judged, state: state.join("\n- ") })
 }
 
 /// A folder of files of which the names are kept, so that a later report can remove those that it has not.
@@ -123,8 +136,12 @@ impl Files {
         Ok(Self { folder, written: Vec::new() })
     }
 
-    fn write(&mut self, name: &str, extension: &str, bytes: &[u8]) -> Result<(), RecordError> {
+    /// Errors: the report has such a file already, or the disk refuses.
+    fn write(&mut self, name: &str, extension: &str, bytes: &[u8]) -> Result<(), ReportError> {
         let path = self.folder.join(format!("{name}.{extension}"));
+        if self.written.contains(&path) {
+            return Err(ReportError::TwoFiles { path });
+        }
         record::write_atomically(&path, bytes)?;
         self.written.push(path);
         Ok(())
@@ -307,13 +324,13 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         record_some(folder.path());
         let whole = report(&experiment(""), folder.path());
-        let page = fs::read(&whole.files[6]).expect("readable");
+        let page = fs::read(&whole.files[7]).expect("readable");
         let of = |only: &str| Scope { only: vec![only.to_owned()], ..Scope::default() };
         let part = write(&experiment(""), folder.path(), &of("algorithm=ppo")).expect("written");
         assert!(part.files[0].ends_with("made-up/report-only-algorithm=ppo/returns.md"), "{:?}", part.files);
         assert!(part.state.starts_with("1 of 2 runs finished.") && part.state.contains("--only algorithm=ppo"));
         assert_eq!(part.tables[0].columns.len(), 1);
-        assert!(fs::read(&whole.files[6]).expect("readable") == page, "the whole report was overwritten");
+        assert!(fs::read(&whole.files[7]).expect("readable") == page, "the whole report was overwritten");
         let error = write(&experiment(""), folder.path(), &of("seed=7")).expect_err("there is no such run");
         assert_eq!(error.to_string(), "made-up: none of the 4 runs match --only seed=7");
     }
@@ -334,7 +351,7 @@ mod tests {
         let hostile = fs::read_to_string(&list).expect("readable") + "../outside.md\n";
         fs::write(&list, hostile).expect("written");
         let new = report(&experiment(&table("new")), folder.path());
-        assert!(old.files[..3].iter().all(|file| !file.exists()), "{:?}", old.files);
+        assert!(old.files[..4].iter().all(|file| !file.exists()), "{:?}", old.files);
         assert!(new.files.iter().chain([&own, &outside]).all(|file| file.exists()));
     }
 
@@ -373,7 +390,7 @@ mod tests {
         spec.description = evil.to_owned();
         let written = report(&spec, folder.path());
         assert!(written.state.contains("failed: \\u{1b}[31m|<script> =cmd()"), "{}", written.state);
-        let page = fs::read_to_string(&written.files[6]).expect("readable");
+        let page = fs::read_to_string(&written.files[7]).expect("readable");
         assert!(!page.contains('\x1b') && !page.contains("<script>") && page.contains("\\|&lt;script&gt;"), "{page}");
         let tex = fs::read_to_string(&written.files[1]).expect("readable");
         assert!(!tex.contains('\x1b') && tex.contains("$|$$<$script$>$"), "{tex}");
@@ -410,6 +427,7 @@ mod tests {
             "returns.md",
             "returns.tex",
             "returns.csv",
+            "returns-seeds.csv",
             "returns.png",
             "returns.svg",
             "returns-curves.csv",
@@ -424,9 +442,26 @@ mod tests {
         let first = read();
         report(&spec, folder.path());
         assert!(first == read(), "the same recordings gave other bytes");
-        assert!(first[3].starts_with(b"\x89PNG"));
+        assert!(first[4].starts_with(b"\x89PNG"));
         let table = String::from_utf8(first[0].clone()).expect("text");
         assert!(table.contains("1 of 2 seeds"), "{table}");
+    }
+
+    #[test]
+    fn two_parts_of_a_report_never_share_a_file() {
+        let folder = tempfile::tempdir().expect("a folder");
+        record_some(folder.path());
+        let table =
+            |name: &str| format!("[[tables]]\nname = {name:?}\ntitle = ''\nrows = ['env']\ncolumns = 'algorithm'\n");
+        let claims = "[[claims]]\nname = 'c'\nof = 'algorithm=mcpo'\nis = 'kept'\n".to_owned();
+        for (more, file) in [
+            (table("t") + &table("t-seeds"), "t-seeds.csv"),
+            (table("README"), "README.md"),
+            (table("claims") + &claims, "claims.md"),
+        ] {
+            let error = write(&experiment(&more), folder.path(), &Scope::default()).expect_err(file).to_string();
+            assert!(error.contains("two parts of the report would both be") && error.contains(file), "{error}");
+        }
     }
 
     #[test]

@@ -98,6 +98,7 @@ fn build(
         .collect();
     let figures = list(merged.remove("figures"));
     let tables = list(merged.remove("tables"));
+    let claims = list(merged.remove("claims"));
     let folder = path.parent().unwrap_or(Path::new("")).to_owned();
     // Where nothing else is said, demonstrations lie beside the file that the others extend.
     let mut settings = toml::Table::new();
@@ -114,6 +115,7 @@ fn build(
         matrix,
         figures,
         tables,
+        claims,
         folder,
         missing: Vec::new(),
     };

@@ -14,7 +14,7 @@ use toml::{
 };
 
 use super::{
-    Algorithm, Figure, Settings, Table,
+    Algorithm, Claim, Figure, Settings, Table,
     names::{date_in_words, plain},
 };
 use crate::{env::EnvId, quantity::constant};
@@ -121,6 +121,7 @@ pub(super) struct Catalog {
     pub(super) settings: Section,
     pub(super) figure: Section,
     pub(super) table: Section,
+    pub(super) claim: Section,
     algorithms: Vec<(&'static str, Section)>,
 }
 
@@ -131,6 +132,7 @@ impl Catalog {
             settings: Section::of(&Settings::defaults(EnvId::HalfCheetah, "ppo", constant(1))),
             figure: Section::of(&Figure::specimen()),
             table: Section::of(&Table::specimen()),
+            claim: Section::of(&Claim::specimen()),
             algorithms: Algorithm::names()
                 .filter_map(|name| Some((name, Section::algorithm(&Algorithm::defaults(name, EnvId::HalfCheetah)?))))
                 .collect(),

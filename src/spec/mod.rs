@@ -7,6 +7,7 @@ mod algorithm;
 mod assemble;
 mod catalog;
 mod check;
+mod claim;
 mod cross;
 mod error;
 mod figure;
@@ -25,6 +26,7 @@ use std::{
 };
 
 pub use algorithm::Algorithm;
+pub use claim::{Claim, Environments, Part, Relation};
 pub use error::{Place, SpecError, SpecErrors};
 pub use figure::{Figure, Table};
 pub(crate) use parameter::{Kind, Parameter};
@@ -58,6 +60,8 @@ pub struct ExperimentSpec {
     pub figures: Vec<Figure>,
     /// `[[tables]]`.
     pub tables: Vec<Table>,
+    /// `[[claims]]`.
+    pub claims: Vec<Claim>,
     /// The folder of the file.
     pub folder: PathBuf,
     /// Demonstrations that are not there.

@@ -58,6 +58,7 @@ pub fn schema() -> Value {
         }
         file.insert(key.into(), list(what, element));
     }
+    file.insert("claims".into(), list("What the paper says, judged by what is recorded", claim(&catalog.claim)));
     let mut schema = object("An experiment of mcpo-run", file);
     schema["$schema"] = json!("https://json-schema.org/draft/2020-12/schema");
     schema["title"] = json!("mcpo-run experiment");
@@ -83,6 +84,28 @@ fn block() -> Value {
     let mut block = object("One block of the matrix", keys);
     block["required"] = json!(["seed", "env", "algorithm"]);
     block
+}
+
+/// A claim: what is kept is compared with nothing, what is compared is compared with something.
+fn claim(section: &Section) -> Value {
+    let mut claim = section.schema(&[]).cloned().unwrap_or_default();
+    one_of(&mut claim["properties"]["on"], &figure::columns());
+    let relation = |names: &[&str]| json!({ "is": { "enum": names } });
+    let mut compared = relation(&["above", "below"]);
+    compared["share"] = json!(false);
+    let mut like = relation(&["like"]);
+    like["share"] = json!(false);
+    like["margin"] = json!({ "exclusiveMinimum": 0 });
+    let mut kept = relation(&["kept"]);
+    for key in ["than", "on", "at", "margin"] {
+        kept[key] = json!(false);
+    }
+    claim["oneOf"] = json!([
+        { "properties": compared, "required": ["than"] },
+        { "properties": like, "required": ["than", "margin"] },
+        { "properties": kept },
+    ]);
+    claim
 }
 
 /// The schema of one value of the parameter called `name`.

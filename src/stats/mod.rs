@@ -3,16 +3,23 @@
 //! Owns intervals and the summaries that reports of reinforcement learning have come to use (Agarwal et al., 2021). Knows
 //! no environment or algorithm: samples come as numbers, one a seed, grouped in strata, one a task; episodes of one seed
 //! are not samples. Start at [`t_interval`], which holds for few seeds; the bootstrap's intervals do not ([`bootstrap`]).
+//! [`Contrast`] compares means, [`best_of`] what is known by its best sample alone, and [`holm`] allows for many comparisons.
 
+pub mod best_of;
 pub mod bootstrap;
+mod contrast;
+mod holm;
 mod iqm;
+mod normal;
 mod performance_profile;
 mod probability_of_improvement;
 
 pub use bootstrap::{Bootstrap, Estimate};
+pub use contrast::Contrast;
+pub use holm::holm;
 pub use iqm::iqm;
 pub use performance_profile::performance_profile;
-pub use probability_of_improvement::probability_of_improvement;
+pub use probability_of_improvement::{probability_of_improvement, share_above};
 
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
@@ -32,17 +39,23 @@ pub struct Interval {
 pub fn t_interval(samples: &[f64], confidence: f64) -> Option<Interval> {
     check_confidence(confidence);
     let n = samples.len() as f64;
-    let mean = samples.iter().sum::<f64>() / n;
-    match samples.len() {
-        0 => None,
-        1 => Some(Interval { mean, low: mean, high: mean }),
-        _ => {
-            let variance = samples.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0);
+    match (samples, mean_and_variance(samples)) {
+        (_, Some((mean, variance))) => {
             let student = StudentsT::new(0.0, 1.0, n - 1.0).expect("one or more degrees of freedom");
             let half = student.inverse_cdf(0.5 + confidence / 2.0) * (variance / n).sqrt();
             Some(Interval { mean, low: mean - half, high: mean + half })
         }
+        ([only], None) => Some(Interval { mean: *only, low: *only, high: *only }),
+        (_, None) => None,
     }
+}
+
+/// The mean of `samples` and their variance, over n - 1; `None` for fewer than two.
+fn mean_and_variance(samples: &[f64]) -> Option<(f64, f64)> {
+    let n = samples.len() as f64;
+    let mean = samples.iter().sum::<f64>() / n;
+    let variance = samples.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0);
+    (samples.len() > 1).then_some((mean, variance))
 }
 
 fn check_confidence(confidence: f64) {

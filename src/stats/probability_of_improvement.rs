@@ -23,8 +23,8 @@ pub fn probability_of_improvement(
     bootstrap.estimate(&[x, y].concat(), rng, mean_over_tasks)?.pop()
 }
 
-/// The share of pairs in which `x` is above `y`, ties counting half.
-fn share_above(x: &[f64], y: &[f64]) -> f64 {
+/// The share of pairs in which `x` is above `y`, ties counting half; NaN where either is empty.
+pub fn share_above(x: &[f64], y: &[f64]) -> f64 {
     let above = |a: f64, b: f64| if a > b { 1.0 } else { f64::from(u8::from(a == b)) / 2.0 };
     let pairs: f64 = x.iter().map(|&a| y.iter().map(|&b| above(a, b)).sum::<f64>()).sum();
     pairs / (x.len() * y.len()) as f64

@@ -28,6 +28,26 @@ pub const MISTAKES: &[(&str, &[Told])] = &[
     ("axis_without_quotes", &[(10, 1, "unknown axis `mcpo`", "`\"mcpo.max_kl\" = [...]`")]),
     ("bad_syntax", &[(4, 13, "a value is missing", "expected a value"), (10, 20, "unclosed array", "expected `]`")]),
     ("budget_below_one_rollout", &[(4, 13, "1000 is smaller than one rollout", "at least one rollout")]),
+    ("claim_of_a_demonstrations_column", &[(15, 8, "a demonstration has a return, and no `mmd`", "")]),
+    ("claim_of_an_unknown_kind", &[(14, 8, "unknown name `better`; known are `above`", "known are `above`")]),
+    ("claim_of_likeness_without_a_margin", &[(11, 1, "`like` needs a `margin`", "above 0")]),
+    ("claim_of_nothing", &[(11, 1, "this claim has no `of`", "")]),
+    (
+        "claim_of_unknown_runs",
+        &[(13, 8, "unknown algorithm `mcpoo` in a selection; the nearest known one is `mcpo`", "")],
+    ),
+    ("claim_on_an_unknown_column", &[(16, 8, "unknown column `retrun`", "`return`")]),
+    ("claim_on_words", &[(16, 8, "`case` holds words; a claim is about numbers", "")]),
+    (
+        "claim_that_is_kept_than",
+        &[
+            (15, 10, "`than` says nothing of a constraint that is kept", ""),
+            (16, 10, "`share`: 1.5 is out of range", "a number from 0 to 1"),
+        ],
+    ),
+    ("claim_with_a_margin_that_is_none", &[(16, 10, "`margin` is no finite number", "")]),
+    ("claim_with_an_unknown_key", &[(16, 1, "unknown key `margn` of a claim", "`margin`")]),
+    ("claim_without_the_other_side", &[(11, 1, "this claim has no `than`", "`demonstration`")]),
     ("column_that_is_a_list", &[(15, 11, "`columns`: a list does not belong here", "expected a string")]),
     (
         "dates",
@@ -97,6 +117,13 @@ pub const MISTAKES: &[(&str, &[Told])] = &[
     ("string_without_end", &[(1, 15, "invalid basic string", "expected `\"`")]),
     ("table_name_that_leads_outside", &[(12, 11, "`a/b` cannot name a file", "expected letters")]),
     ("table_with_an_unknown_reference", &[(16, 13, "unknown reference `tabel5`", "`table5`")]),
+    (
+        "two_claims_of_one_name",
+        &[
+            (18, 9, "two claims are called `MCPO is better`", ""),
+            (22, 9, "`share` is of a constraint that is `kept`", ""),
+        ],
+    ),
     ("two_figures_of_one_name", &[(18, 10, "two figures are called `figure`", "")]),
     ("two_slips", &[(4, 8, "unclosed table", "expected `]`"), (14, 10, "a value is missing", "expected a value")]),
     ("unknown_algorithm", &[(9, 14, "unknown algorithm `mcp`", "`mcpo`")]),

@@ -103,7 +103,7 @@ fn the_parser_knows_every_axis_of_the_schema() {
 #[test]
 fn every_key_of_the_shipped_experiments_is_in_the_schema() {
     let schema = spec::schema();
-    for name in ["ablation", "smoke", "demos"] {
+    for name in ["ablation", "comparison", "smoke", "demos"] {
         let text = std::fs::read_to_string(format!("experiments/{name}.toml")).expect("it is there");
         let table: toml::Table = toml::from_str(&text).expect("it is TOML");
         known(&schema, &toml::Value::Table(table), name);
@@ -131,6 +131,9 @@ fn known(schema: &Value, value: &toml::Value, path: &str) {
 fn flaw(schema: &Value, value: &Value) -> Option<String> {
     const ANNOTATIONS: [&str; 7] =
         ["description", "title", "default", "$schema", "format", "items", "additionalProperties"];
+    if *schema == Value::Bool(false) {
+        return Some(format!("{value} may not stand here"));
+    }
     let fields = schema.as_object()?;
     let is = |kind: &str| match kind {
         "object" => value.is_object(),
@@ -190,7 +193,10 @@ fn flaw(schema: &Value, value: &Value) -> Option<String> {
 }
 
 /// Mistakes that only the whole of a file shows, or that are no matter of types.
-const BEYOND_A_SCHEMA: [&str; 18] = [
+const BEYOND_A_SCHEMA: [&str; 21] = [
+    "claim_of_a_demonstrations_column",
+    "claim_of_unknown_runs",
+    "claim_with_a_margin_that_is_none",
     "axis_given_twice",
     "axis_that_no_algorithm_has",
     "budget_below_one_rollout",

@@ -85,11 +85,11 @@ fn every_key_is_documented() {
             leaves(&schema["properties"]["algorithms"]["properties"][name], ""),
         );
     }
-    let own = ["name", "description", "extends", "matrix", "algorithms", "environments", "figures", "tables"];
+    let own = ["name", "description", "extends", "matrix", "algorithms", "environments", "figures", "tables", "claims"];
     let all = leaves(&schema, "");
     let setting = |key: &String| !own.contains(&key.split('.').next().unwrap_or_default());
     documented("Settings", all.into_iter().filter(setting).collect());
-    for list in ["figures", "tables"] {
+    for list in ["figures", "tables", "claims"] {
         documented(&format!("`[[{list}]]`"), leaves(&schema["properties"][list]["items"], ""));
     }
 }

@@ -1,6 +1,6 @@
-//! Tables and curves as CSV, for programs: every number in full, plain and in a column of its own.
+//! Tables, seeds and curves as CSV, for programs: every number in full, plain and in a column of its own.
 
-use super::super::{axis::Label, curve::CurveData, table::TableData};
+use super::super::{axis::Label, curve::CurveData, table::TableData, verdict::Comparison};
 use crate::escape;
 
 /// The cells of a table, one row each: the keys as the file names them, then the numbers.
@@ -20,6 +20,11 @@ pub fn csv(data: &TableData) -> Result<Vec<u8>, csv::Error> {
         "best_episodes",
         "paper_mean",
         "paper_std",
+        "expected_best",
+        "difference_low",
+        "difference_high",
+        "margin",
+        "p",
         "verdict",
         "env_steps",
         "demo",
@@ -29,6 +34,8 @@ pub fn csv(data: &TableData) -> Result<Vec<u8>, csv::Error> {
     for row in &data.rows {
         for (column, cell) in data.columns.iter().zip(&row.cells) {
             let Some(cell) = cell else { continue };
+            let compared = cell.comparison.as_ref();
+            let interval = compared.map(Comparison::interval);
             let whole = |value: Option<u64>| value.map_or(String::new(), |x| x.to_string());
             let mut record: Vec<String> = row.values.iter().chain(&column.values).map(value).collect();
             record.extend([
@@ -43,12 +50,35 @@ pub fn csv(data: &TableData) -> Result<Vec<u8>, csv::Error> {
                 whole(cell.best.map(|best| best.episodes as u64)),
                 number(cell.paper.map(|paper| paper.mean)),
                 number(cell.paper.map(|paper| paper.std)),
+                number(compared.and_then(|compared| compared.expected_best)),
+                number(interval.map(|(low, _)| low)),
+                number(interval.map(|(_, high)| high)),
+                number(compared.map(|compared| compared.margin)),
+                number(compared.map(|compared| compared.p)),
                 cell.verdict.as_ref().map_or(String::new(), |verdict| verdict.text()),
                 cell.env_steps.to_string(),
                 number(row.demo),
                 number(row.paper_demo),
             ]);
             writer.write_record(&record)?;
+        }
+    }
+    writer.into_inner().map_err(|error| error.into_error().into())
+}
+
+/// The seeds of a table's cells, one row each: the keys, then the seed and its value.
+///
+/// Errors: none that the csv crate gives for a buffer in memory.
+pub fn seeds_csv(data: &TableData) -> Result<Vec<u8>, csv::Error> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    let keys = data.row_keys.iter().chain(&data.column_keys).map(String::as_str);
+    writer.write_record(keys.chain(["seed", "mean_return"]))?;
+    for row in &data.rows {
+        for (column, cell) in data.columns.iter().zip(&row.cells) {
+            for (seed, mean) in cell.iter().flat_map(|cell| &cell.values) {
+                let keys = row.values.iter().chain(&column.values).map(value);
+                writer.write_record(keys.chain([seed.to_string(), number(Some(*mean))]))?;
+            }
         }
     }
     writer.into_inner().map_err(|error| error.into_error().into())
@@ -82,8 +112,18 @@ pub fn curves_csv(data: &CurveData) -> Result<Vec<u8>, csv::Error> {
     writer.into_inner().map_err(|error| error.into_error().into())
 }
 
+/// These rows below their headers.
+pub(super) fn written(headers: &[&str], rows: impl Iterator<Item = Vec<String>>) -> Result<Vec<u8>, csv::Error> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    writer.write_record(headers)?;
+    for row in rows {
+        writer.write_record(&row)?;
+    }
+    writer.into_inner().map_err(|error| error.into_error().into())
+}
+
 /// A number that every program reads; nothing where there is none.
-fn number(value: Option<f64>) -> String {
+pub(super) fn number(value: Option<f64>) -> String {
     value.filter(|x| x.is_finite()).map_or(String::new(), |x| match x.abs() {
         0.0 | 1e-5..1e16 => x.to_string(),
         _ => format!("{x:e}"),

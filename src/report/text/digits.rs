@@ -22,6 +22,14 @@ pub fn plus_minus(mean: f64, spread: f64, most: usize) -> String {
     }
 }
 
+/// The two ends of an interval, with three digits of its width and at most four after the point: `−1210 to 350`.
+pub fn between(low: f64, high: f64) -> String {
+    let width = high - low;
+    let exponent: i32 = format!("{width:.1e}").split_once('e').and_then(|(_, e)| e.parse().ok()).unwrap_or_default();
+    let decimals = if width > 0.0 { usize::try_from(2 - exponent).unwrap_or(0).min(4) } else { 2 };
+    format!("{} to {}", number(low, decimals), number(high, decimals))
+}
+
 /// A number without a deviation: five digits, at most two after the point.
 pub fn alone(value: f64) -> String {
     let most = match value.abs() {
@@ -74,6 +82,19 @@ mod tests {
             assert_eq!(plus_minus(mean, spread, 4), shown);
         }
         assert_eq!(plus_minus(17.09, 0.001, 2), "17.09 ± <0.01", "the paper prints two decimals");
+    }
+
+    #[test]
+    fn an_interval_has_the_digits_of_its_width() {
+        for (low, high, shown) in [
+            (-1210.4, 349.7, "−1210 to 350"),
+            (-0.5, -0.25, "−0.500 to −0.250"),
+            (-0.0004, 12.34, "0.0 to 12.3"),
+            (10.0, 10.0, "10.00 to 10.00"),
+            (1.0, 1.000_001, "1.0000 to 1.0000"),
+        ] {
+            assert_eq!(between(low, high), shown);
+        }
     }
 
     #[test]

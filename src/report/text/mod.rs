@@ -3,19 +3,22 @@
 //! Owns the layout of a table's cells. Knows nothing of where the numbers come from. Start at [`markdown`]; [`Grid`] is what all
 //! formats but CSV show.
 
+pub mod claims;
 mod csv;
 mod digits;
 mod terminal;
 
-pub use csv::{csv, curves_csv};
+pub use csv::{csv, curves_csv, seeds_csv};
 pub use terminal::terminal;
 
 use super::{
     axis, notes,
+    reference::PaperValue,
     table::{Cell, Row, TableData},
+    verdict::Comparison,
 };
 use crate::escape;
-use digits::{alone, plus_minus};
+use digits::{alone, between, plus_minus};
 
 /// Digits after the point that one of our numbers is shown with at most.
 const OUR_DECIMALS: usize = 4;
@@ -39,7 +42,7 @@ pub fn markdown(data: &TableData) -> String {
         text.push_str(&markdown_grid(&matrix(data)));
         text.push('\n');
     }
-    text.push_str(&markdown_grid(&list(data)));
+    text.push_str(&markdown_grid(&list(data, true)));
     text.push('\n');
     for note in &data.notes {
         text.push_str(&format!("- {}\n", escape::markdown(note)));
@@ -49,22 +52,23 @@ pub fn markdown(data: &TableData) -> String {
 
 /// The table for LaTeX with the package booktabs; a `table` environment to `\input`.
 pub fn latex(data: &TableData) -> String {
-    let grid = compact(data);
+    latex_grid(&data.title, &compact(data), &data.notes)
+}
+
+/// `grid` as such a table.
+fn latex_grid(title: &str, grid: &Grid, notes: &[String]) -> String {
     let alignment: String = grid.numeric.iter().map(|numeric| if *numeric { 'r' } else { 'l' }).collect();
     let line =
         |cells: &[String]| cells.iter().map(|cell| escape::latex(cell)).collect::<Vec<_>>().join(" & ") + " \\\\\n";
     let mut text = String::from("% needs \\usepackage{booktabs}\n\\begin{table}\n\\centering\n");
-    text.push_str(&format!(
-        "\\caption{{{}}}\n\\begin{{tabular}}{{{alignment}}}\n\\toprule\n",
-        escape::latex(&data.title)
-    ));
+    text.push_str(&format!("\\caption{{{}}}\n\\begin{{tabular}}{{{alignment}}}\n\\toprule\n", escape::latex(title)));
     text.push_str(&line(&grid.headers));
     text.push_str("\\midrule\n");
     for row in &grid.rows {
         text.push_str(&line(row));
     }
     text.push_str("\\bottomrule\n\\end{tabular}\n\n\\footnotesize\n");
-    for note in &data.notes {
+    for note in notes {
         text.push_str(&format!("{}\n", escape::latex(note)));
     }
     text.push_str("\\end{table}\n");
@@ -73,7 +77,7 @@ pub fn latex(data: &TableData) -> String {
 
 /// The one grid for LaTeX and the terminal: the matrix where there are several columns, else the list.
 fn compact(data: &TableData) -> Grid {
-    if data.columns.len() > 1 { matrix(data) } else { list(data) }
+    if data.columns.len() > 1 { matrix(data) } else { list(data, false) }
 }
 
 /// What the rows are told apart by, in words.
@@ -121,19 +125,29 @@ fn matrix(data: &TableData) -> Grid {
     Grid { headers, rows, names, numeric }
 }
 
-/// One row a cell.
-fn list(data: &TableData) -> Grid {
+/// One row a cell, with the value of `each_seed` where that is asked for.
+fn list(data: &TableData, each_seed: bool) -> Grid {
     let several = data.columns.len() > 1;
-    let compares = data.rows.iter().any(|row| row.cells.iter().flatten().any(|cell| cell.paper.is_some()));
+    let has = |what: fn(&Cell) -> bool| data.rows.iter().any(|row| row.cells.iter().flatten().any(what));
+    let (compares, differs) = (has(|cell| cell.paper.is_some()), has(|cell| cell.comparison.is_some()));
+    // Of as many seeds as the paper has, it is the best one.
+    let expects = has(|cell| cell.seeds > PaperValue::SEEDS && cell.comparison.is_some());
     let mut headers = row_headers(data);
     if several {
         headers.extend(data.column_keys.first().map(|key| axis::key_label(key)));
     }
     let names = headers.len();
-    headers.extend(["ours", "seeds", "best seed"].map(str::to_owned));
-    if compares {
-        headers.extend(["paper", "verdict"].map(str::to_owned));
-    }
+    let asked = [
+        ("ours", true),
+        ("seeds", true),
+        ("each seed", each_seed),
+        ("best seed", true),
+        ("expected best", expects),
+        ("paper", compares),
+        ("difference", differs),
+        ("verdict", compares),
+    ];
+    headers.extend(asked.into_iter().filter(|(_, shown)| *shown).map(|(header, _)| header.to_owned()));
     let mut rows = Vec::new();
     for row in &data.rows {
         for (column, cell) in data.columns.iter().zip(&row.cells) {
@@ -143,9 +157,20 @@ fn list(data: &TableData) -> Grid {
                 line.push(column.text.clone());
             }
             line.extend([our_value(cell), of(cell)]);
+            if each_seed {
+                line.push(cell.values.iter().map(|(_, value)| alone(*value)).collect::<Vec<_>>().join(", "));
+            }
             line.push(cell.best.map_or(String::new(), |best| plus_minus(best.mean, best.std, OUR_DECIMALS)));
+            if expects {
+                let expected = cell.comparison.as_ref().and_then(|comparison| comparison.expected_best);
+                line.push(expected.map_or(String::new(), alone));
+            }
             if compares {
                 line.push(paper_value(Some(cell)));
+                if differs {
+                    let interval = cell.comparison.as_ref().map(Comparison::interval);
+                    line.push(interval.map_or(String::new(), |(low, high)| between(low, high)));
+                }
                 line.push(cell.verdict.as_ref().map_or(String::new(), |verdict| verdict.text()));
             }
             rows.push(line);
@@ -219,7 +244,7 @@ pub(super) mod tests {
             only: None,
             reference: Some(reference.into()),
         };
-        let mut data = TableData::new(&table, &runs.iter().collect::<Vec<_>>());
+        let mut data = TableData::of_report(&[(&table, runs.iter().collect())]).remove(0);
         data.notes.truncate(1);
         data
     }
@@ -264,11 +289,11 @@ pub(super) mod tests {
 | Ant-v2      | ours  |        |  – (0 of 1 seed) |            |
 |             | paper |   1942 |     −2333 ± 2194 |            |
 
-| environment | algorithm |      ours |        seeds | best seed |        paper | verdict                               |
-| :---------- | :-------- | --------: | -----------: | --------: | -----------: | :------------------------------------ |
-| Hopper-v2   | PPO       |         5 | 1 of 2 seeds |    5 ± 21 |      17 ± 14 | not comparable: 1 seed; 3 are needed  |
-| Hopper-v2   | MCPO      | 1802 ± 13 |      2 seeds |  1803 ± 0 |   1898 ± 904 | not comparable: 2 seeds; 3 are needed |
-| Ant-v2      | PPO       |         – |  0 of 1 seed |           | −2333 ± 2194 | not comparable: no finished run       |
+| environment | algorithm |      ours |        seeds |  each seed | best seed |        paper | verdict                               |
+| :---------- | :-------- | --------: | -----------: | ---------: | --------: | -----------: | :------------------------------------ |
+| Hopper-v2   | PPO       |         5 | 1 of 2 seeds |          5 |    5 ± 21 |      17 ± 14 | not comparable: 1 seed; 3 are needed  |
+| Hopper-v2   | MCPO      | 1802 ± 13 |      2 seeds | 1801, 1803 |  1803 ± 0 |   1898 ± 904 | not comparable: 2 seeds; 3 are needed |
+| Ant-v2      | PPO       |         – |  0 of 1 seed |            |           | −2333 ± 2194 | not comparable: no finished run       |
 
 - 3 of 5 runs finished.
 ";
@@ -280,10 +305,10 @@ pub(super) mod tests {
         let expected = "\
 # 50 % &amp; more
 
-| d    | ε      |    ours |  seeds | best seed |      paper | verdict                              |
-| :--- | :----- | ------: | -----: | --------: | ---------: | :----------------------------------- |
-| 1    | 0      | −600.25 | 1 seed |   −600.25 | −587 ± 987 | not comparable: 1 seed; 3 are needed |
-| 10⁻³ | 2·10⁻³ |   120.5 | 1 seed |     120.5 | 2943 ± 100 | not comparable: 1 seed; 3 are needed |
+| d    | ε      |    ours |  seeds | each seed | best seed |      paper | verdict                              |
+| :--- | :----- | ------: | -----: | --------: | --------: | ---------: | :----------------------------------- |
+| 1    | 0      | −600.25 | 1 seed |   −600.25 |   −600.25 | −587 ± 987 | not comparable: 1 seed; 3 are needed |
+| 10⁻³ | 2·10⁻³ |   120.5 | 1 seed |     120.5 |     120.5 | 2943 ± 100 | not comparable: 1 seed; 3 are needed |
 
 - 2 of 2 runs finished.
 ";
@@ -312,6 +337,8 @@ pub(super) mod tests {
         assert!(lines[1].starts_with("Hopper-v2,ppo,5,,,1,2,0,5,21.213203435596427,2,17.09,13.54,"), "{text}");
         assert!(lines[2].starts_with("Hopper-v2,mcpo,1802,1789.29"), "{text}");
         assert!(lines[2].ends_with(",100,974.42,969.71"), "{text}");
-        assert!(lines[3].ends_with("ppo,,,,0,1,,,,,-2332.95,2193.85,not comparable: no finished run,100,,1942.05"));
+        assert!(
+            lines[3].ends_with("ppo,,,,0,1,,,,,-2332.95,2193.85,,,,,,not comparable: no finished run,100,,1942.05")
+        );
     }
 }

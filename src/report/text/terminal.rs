@@ -5,14 +5,18 @@ use comfy_table::{Cell, CellAlignment, ContentArrangement, LineStyle, Table, pre
 use super::{Grid, compact};
 use crate::{escape, report::TableData};
 
-/// The table for a terminal of `width` columns (any, where that is `None`): where it does not fit, in blocks of as many columns
-/// as do, each with the columns that say what a row is.
+/// The table for a terminal of `width` columns.
 pub fn terminal(data: &TableData, width: Option<usize>) -> String {
-    let grid = compact(data);
-    let blocks = blocks(&grid, width.unwrap_or(usize::MAX));
-    let tables: Vec<String> = blocks.iter().map(|columns| table(&grid, columns)).collect();
-    let notes: Vec<String> = data.notes.iter().map(|note| format!("  {}\n", escape::plain(note))).collect();
-    format!("{}\n{}\n{}", escape::plain(&data.title), tables.join("\n"), notes.concat())
+    folded(&data.title, &compact(data), &data.notes, width)
+}
+
+/// `grid` for a terminal of `width` columns (any, where that is `None`): where it does not fit, in blocks of as many columns as do,
+/// each with the columns that say what a row is.
+pub(super) fn folded(title: &str, grid: &Grid, notes: &[String], width: Option<usize>) -> String {
+    let blocks = blocks(grid, width.unwrap_or(usize::MAX));
+    let tables: Vec<String> = blocks.iter().map(|columns| table(grid, columns)).collect();
+    let notes: Vec<String> = notes.iter().map(|note| format!("  {}\n", escape::plain(note))).collect();
+    format!("{}\n{}\n{}", escape::plain(title), tables.join("\n"), notes.concat())
 }
 
 /// Which columns stand in each block of at most `width`; a column that is wider alone has a block of its own.

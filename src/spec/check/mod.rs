@@ -1,5 +1,6 @@
 //! The check of one layer, key by key: what each value is alone. How they go together is `cross`'s.
 
+mod claims;
 mod matrix;
 mod shown;
 
@@ -20,8 +21,8 @@ use super::{
 use crate::env::{EnvError, EnvId};
 
 /// Keys of the file that are neither settings nor hyperparameters.
-pub(super) const ROOT_KEYS: [&str; 8] =
-    ["name", "description", "extends", "matrix", "algorithms", "environments", "figures", "tables"];
+pub(super) const ROOT_KEYS: [&str; 9] =
+    ["name", "description", "extends", "matrix", "algorithms", "environments", "figures", "tables", "claims"];
 /// The lists that every block has.
 pub(super) const BLOCK_KEYS: [&str; 3] = ["seed", "env", "algorithm"];
 
@@ -137,6 +138,7 @@ impl<'a> Checker<'a> {
                 "environments" => this.table(value, "`environments`", Self::environments),
                 "figures" => this.figures_or_tables(value, "figures", "figure", &Catalog::get().figure),
                 "tables" => this.figures_or_tables(value, "tables", "table", &Catalog::get().table),
+                "claims" => this.claims(value),
                 _ if settings.schema(&[key]).is_some() => this.section(settings, &[key], value),
                 _ => {
                     let known = ROOT_KEYS.into_iter().chain(settings.keys(&[]).into_iter().flatten());

@@ -8,6 +8,18 @@ use crate::spec::{Parameter, Selection, catalog::Section, figure, names::nearest
 impl Checker<'_> {
     /// `[[figures]]` or `[[tables]]`.
     pub(super) fn figures_or_tables(&mut self, value: &Value<'_>, key: &str, what: &str, section: &Section) {
+        self.shown_tables(value, key, what, section, Self::shown);
+    }
+
+    /// A list of tables of one type with names of their own; `check` looks at a value that has the right type.
+    pub(super) fn shown_tables(
+        &mut self,
+        value: &Value<'_>,
+        key: &str,
+        what: &str,
+        section: &Section,
+        check: impl Fn(&mut Self, &str, &Value<'_>),
+    ) {
         self.tables(value, key, |this, table, span| {
             for required in section.required().filter(|key| !table.contains_key(*key)) {
                 this.note(span.clone(), format!("this {what} has no `{required}`"), None);
@@ -22,7 +34,7 @@ impl Checker<'_> {
                     let before = this.errors.len();
                     this.section(section, &[text], value);
                     if this.errors.len() == before {
-                        this.shown(text, value);
+                        check(this, text, value);
                     }
                 });
             }
@@ -72,7 +84,7 @@ impl Checker<'_> {
         self.known("axis", value, &known);
     }
 
-    fn known(&mut self, what: &str, value: &Value<'_>, known: &[&str]) {
+    pub(super) fn known(&mut self, what: &str, value: &Value<'_>, known: &[&str]) {
         if let Some(name) = value.get_ref().as_str().filter(|name| !known.contains(name)) {
             self.wrong(
                 value.span(),

@@ -1,0 +1,435 @@
+//! What a file claims, and what the recorded runs say of it.
+//!
+//! Owns which runs stand on either side of a claim, environment by environment and setting by setting. How a number comes from a
+//! run is `measure`'s, how numbers are judged is `judge`'s; knows nothing of Markdown or LaTeX. Start at [`ClaimsData::new`].
+
+mod judge;
+mod measure;
+
+use std::collections::BTreeSet;
+
+use super::{
+    ReportError,
+    axis::{self, Group},
+    notes,
+    recorded::{Run, State, demonstrated_return},
+    reference,
+    verdict::SEEDS_FOR_VERDICT,
+};
+use crate::{
+    plan::Selection,
+    spec::{Claim, Environments, Relation},
+    stats::{Interval, share_above},
+};
+use judge::{Judged, Part, judge};
+
+/// The claims of an experiment.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ClaimsData {
+    /// Claim by claim, in the file's order; one row an environment and setting.
+    pub rows: Vec<ClaimRow>,
+    /// What the numbers mean, a sentence each.
+    pub notes: Vec<String>,
+}
+
+/// A claim in one environment, or over all of them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ClaimRow {
+    /// The claim, as the file has it.
+    pub claim: Claim,
+    /// The environment; `None` over all.
+    pub env: Option<String>,
+    /// What tells the runs apart from those of other rows of the claim; empty where nothing does.
+    pub setting: String,
+    /// The difference, or the share for `kept`, with its 95 % interval.
+    pub difference: Option<Interval>,
+    /// What it is compared with: 0 or what the margin makes of it, in the same unit.
+    pub limit: f64,
+    /// The share of pairs of seeds in which the one side is above the other; ties count half.
+    pub improvement: Option<f64>,
+    /// Seeds with a number, and planned ones.
+    pub seeds: Count,
+    /// The same of what they are compared with; `None` for a level.
+    pub than: Option<Count>,
+    /// The p value of the claim's opposite, and that of the claim, after the correction.
+    pub p: Option<(f64, f64)>,
+    /// What follows.
+    pub verdict: ClaimVerdict,
+}
+
+/// How many seeds.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Count {
+    /// With a number.
+    pub found: usize,
+    /// In the plan.
+    pub planned: usize,
+}
+
+/// What is recorded says of a claim.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum ClaimVerdict {
+    /// It is so.
+    Holds,
+    /// It is not.
+    Contradicted,
+    /// It cannot be said; the reason, where it is not the numbers themselves.
+    Inconclusive(Option<String>),
+}
+
+impl ClaimVerdict {
+    /// In words.
+    pub fn text(&self) -> String {
+        match self {
+            Self::Holds => "holds".to_owned(),
+            Self::Contradicted => "contradicted".to_owned(),
+            Self::Inconclusive(None) => "inconclusive".to_owned(),
+            Self::Inconclusive(Some(reason)) => format!("inconclusive: {reason}"),
+        }
+    }
+}
+
+impl ClaimsData {
+    /// The `claims` of a file, judged by `runs`, in the plan's order.
+    ///
+    /// Errors: a selection cannot be understood.
+    pub fn new(claims: &[Claim], runs: &[Run]) -> Result<Self, ReportError> {
+        let rows = claims.iter().map(|claim| rows(claim, runs)).collect::<Result<Vec<_>, ReportError>>()?.concat();
+        let notes = notes::of_claims(&rows);
+        Ok(Self { rows, notes })
+    }
+
+    /// The claims, each with its rows.
+    pub fn by_claim(&self) -> impl Iterator<Item = &[ClaimRow]> {
+        self.rows.chunk_by(|one, other| one.claim.name == other.claim.name)
+    }
+}
+
+/// Whether `claim` needs more of a run than its evaluations.
+pub fn needs_progress(claim: &Claim) -> bool {
+    claim.is == Relation::Kept || claim.on != Claim::RETURN
+}
+
+/// What a row is made of: one environment, or several.
+struct Row<'a> {
+    env: Option<String>,
+    setting: String,
+    /// One an environment.
+    sides: Vec<Sides<'a>>,
+}
+
+/// The runs of one environment on either side of a claim.
+struct Sides<'a> {
+    of: Vec<&'a Run>,
+    /// Those that they are compared with; none for a level.
+    than: Vec<&'a Run>,
+}
+
+fn rows(claim: &Claim, runs: &[Run]) -> Result<Vec<ClaimRow>, ReportError> {
+    let only = claim.only.as_deref().map(Selection::parse).transpose()?;
+    let meant = |selection: &str| -> Result<Vec<&Run>, ReportError> {
+        let selection = Selection::parse(selection)?;
+        let both =
+            |run: &&Run| selection.matches(&run.spec) && only.as_ref().is_none_or(|only| only.matches(&run.spec));
+        Ok(runs.iter().filter(both).collect())
+    };
+    let than = match claim.than.as_deref() {
+        None | Some(Claim::DEMONSTRATION) => Vec::new(),
+        Some(selection) => meant(selection)?,
+    };
+    let opposite: BTreeSet<&str> = than.iter().map(|run| run.spec.id.as_str()).collect();
+    let mut of = meant(&claim.of)?;
+    of.retain(|run| !opposite.contains(run.spec.id.as_str()));
+
+    let compares_runs = claim.than.as_deref().is_some_and(|than| than != Claim::DEMONSTRATION);
+    let keys = axis::hidden_axes(&of, &["env".to_owned()]);
+    let settings = axis::group(&of, &keys);
+    let labels = axis::labels(&keys, &settings);
+    let mut made: Vec<Row<'_>> = Vec::new();
+    for (setting, label) in settings.iter().zip(labels) {
+        let setting_text = if settings.len() > 1 { label.text } else { String::new() };
+        let by_env = axis::group(&setting.runs, &["env".to_owned()]);
+        let sides = by_env.into_iter().map(|Group { runs, .. }| {
+            let env = runs[0].spec.env;
+            let others: Vec<&Run> = than.iter().copied().filter(|run| run.spec.env == env).collect();
+            Sides { of: runs, than: others }
+        });
+        let sides: Vec<_> = sides.filter(|sides| !compares_runs || !sides.than.is_empty()).collect();
+        match claim.environments {
+            Environments::Overall if !sides.is_empty() => made.push(Row { env: None, setting: setting_text, sides }),
+            Environments::Overall => {}
+            Environments::Each => made.extend(sides.into_iter().map(|side| Row {
+                env: Some(side.of[0].spec.env.name().to_owned()),
+                setting: setting_text.clone(),
+                sides: vec![side],
+            })),
+        }
+    }
+    if made.is_empty() {
+        made.push(Row { env: None, setting: String::new(), sides: Vec::new() });
+    }
+    Ok(verdicts(claim, made))
+}
+
+/// The rows of one claim, whose verdicts allow for each other.
+fn verdicts(claim: &Claim, rows: Vec<Row<'_>>) -> Vec<ClaimRow> {
+    let parts: Vec<Result<Vec<Part>, String>> = rows.iter().map(|row| parts(claim, &row.sides)).collect();
+    let judged: Vec<Option<Judged>> = parts.iter().map(|parts| judge(claim, parts.as_ref().ok()?)).collect();
+    let p = judge::corrected(&judged);
+    let made = rows.into_iter().zip(parts).zip(judged.into_iter().zip(p)).map(|((row, parts), (judged, p))| {
+        let verdict = match (&parts, p) {
+            (Err(reason), _) => ClaimVerdict::Inconclusive(Some(reason.clone())),
+            (Ok(_), Some((opposite, _))) if opposite <= judge::ALPHA => ClaimVerdict::Holds,
+            (Ok(_), Some((_, itself))) if itself <= judge::ALPHA => ClaimVerdict::Contradicted,
+            (Ok(_), _) => ClaimVerdict::Inconclusive(None),
+        };
+        let count = |runs: Vec<&Run>| Count {
+            found: runs.iter().filter(|run| measure::of(run, claim).is_some()).count(),
+            planned: runs.len(),
+        };
+        let of = row.sides.iter().flat_map(|sides| sides.of.iter().copied()).collect();
+        let than: Vec<&Run> = row.sides.iter().flat_map(|sides| sides.than.iter().copied()).collect();
+        let improvement = parts.as_ref().ok().map(|parts| improvement(parts));
+        ClaimRow {
+            claim: claim.clone(),
+            env: row.env.clone(),
+            setting: row.setting.clone(),
+            difference: judged.as_ref().map(|judged| judged.interval),
+            limit: judged.map_or(0.0, |judged| judged.limit),
+            improvement: improvement.filter(|_| claim.is != Relation::Kept),
+            seeds: count(of),
+            than: (!than.is_empty()).then(|| count(than)),
+            p,
+            verdict,
+        }
+    });
+    made.collect()
+}
+
+/// The mean over environments of the share of pairs in which the one side is above the other.
+fn improvement(parts: &[Part]) -> f64 {
+    let share = |part: &Part| match &part.than {
+        Some(than) => share_above(&part.of, than),
+        None => share_above(&part.of, &[part.level]),
+    };
+    parts.iter().map(share).sum::<f64>() / parts.len() as f64
+}
+
+/// The numbers of either side, one part an environment; or why there are none to judge.
+fn parts(claim: &Claim, sides: &[Sides<'_>]) -> Result<Vec<Part>, String> {
+    if sides.is_empty() {
+        return Err("the file has no such runs".to_owned());
+    }
+    sides.iter().map(|sides| part(claim, &sides.of, &sides.than)).collect()
+}
+
+fn part(claim: &Claim, of: &[&Run], than: &[&Run]) -> Result<Part, String> {
+    let env = of[0].spec.env.name();
+    let differing = axis::hidden_axes(than, &["env".to_owned()]);
+    if !differing.is_empty() {
+        return Err(format!("the runs that they are compared with differ in {}", differing.join(", ")));
+    }
+    let scale = (claim.is != Relation::Kept && claim.on == Claim::RETURN).then(|| reference::scale(env)).flatten();
+    let enough = |runs: &[&Run]| {
+        let values: Vec<f64> = runs.iter().filter_map(|run| measure::of(run, claim)).collect();
+        match values.len() {
+            found if found < SEEDS_FOR_VERDICT => {
+                Err(format!("{} in {env}; {SEEDS_FOR_VERDICT} are needed", notes::count(found, "seed")))
+            }
+            _ => Ok(values),
+        }
+    };
+    let level = match claim.than.as_deref() {
+        Some(Claim::DEMONSTRATION) => demonstrated_return(of)
+            .ok_or_else(|| format!("the return of the demonstration in {env} is not recorded, or not of one"))?,
+        _ => 0.0,
+    };
+    Ok(Part {
+        of: enough(of)?,
+        than: if than.is_empty() { None } else { Some(enough(than)?) },
+        level,
+        failed: (failed(of), failed(than)),
+        scale,
+    })
+}
+
+fn failed(runs: &[&Run]) -> usize {
+    runs.iter().filter(|run| matches!(run.state, State::Failed { .. })).count()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::fixture;
+
+    /// Expert - Random is 3346.71 in Hopper-v2.
+    const ENV: &str = "Hopper-v2";
+
+    fn claim(text: &str) -> Claim {
+        toml::from_str(&format!("name = 'c'\n{text}")).expect("a claim")
+    }
+
+    fn mcpo(env: &str, d: f64, returns: &[f64]) -> Vec<Run> {
+        let run = |(seed, value): (u64, &f64)| fixture::mcpo(env, d, 1e-3, seed).finished(&[(100, &[*value])]);
+        (0..).zip(returns).map(run).collect()
+    }
+
+    fn ppo(env: &str, returns: &[f64]) -> Vec<Run> {
+        let run = |(seed, value): (u64, &f64)| fixture::ppo(env, seed).finished(&[(100, &[*value])]);
+        (0..).zip(returns).map(run).collect()
+    }
+
+    fn judged(text: &str, runs: &[Vec<Run>]) -> Vec<ClaimRow> {
+        ClaimsData::new(&[claim(text)], &runs.concat()).expect("good selections").rows
+    }
+
+    fn verdict(text: &str, runs: &[Vec<Run>]) -> ClaimVerdict {
+        let rows = judged(text, runs);
+        assert_eq!(rows.len(), 1, "{rows:?}");
+        rows[0].verdict.clone()
+    }
+
+    const ABOVE_PPO: &str = "of = 'algorithm=mcpo'\nis = 'above'\nthan = 'algorithm=ppo'";
+
+    #[test]
+    fn what_cannot_be_judged_says_why() {
+        let reason = |text: &str, runs: &[Vec<Run>]| match verdict(text, runs) {
+            ClaimVerdict::Inconclusive(Some(reason)) => reason,
+            other => panic!("{other:?}"),
+        };
+        let three = [1.0, 2.0, 3.0];
+        assert_eq!(reason(ABOVE_PPO, &[mcpo(ENV, 1e-4, &three)]), "the file has no such runs");
+        assert_eq!(reason(ABOVE_PPO, &[ppo(ENV, &three)]), "the file has no such runs");
+        let few = [mcpo(ENV, 1e-4, &three), ppo(ENV, &[1.0, 2.0])];
+        assert_eq!(reason(ABOVE_PPO, &few), "2 seeds in Hopper-v2; 3 are needed");
+        let than_two = "of = 'algorithm=ppo'\nis = 'below'\nthan = 'algorithm=mcpo'";
+        let two = [mcpo(ENV, 1e-4, &three), mcpo(ENV, 1e-2, &three), ppo(ENV, &three)];
+        assert_eq!(reason(than_two, &two), "the runs that they are compared with differ in d");
+        let demonstration = "of = 'algorithm=mcpo'\nis = 'above'\nthan = 'demonstration'";
+        assert!(reason(demonstration, &[mcpo(ENV, 1e-4, &three)]).contains("is not recorded"));
+    }
+
+    #[test]
+    fn a_difference_holds_is_contradicted_or_says_nothing() {
+        let than_ppo =
+            |returns: &[f64]| verdict(ABOVE_PPO, &[mcpo(ENV, 1e-4, returns), ppo(ENV, &[100.0, 110.0, 90.0])]);
+        assert_eq!(than_ppo(&[500.0, 510.0, 490.0]), ClaimVerdict::Holds);
+        assert_eq!(than_ppo(&[20.0, 10.0, 0.0]), ClaimVerdict::Contradicted);
+        assert_eq!(than_ppo(&[90.0, 120.0, 105.0]), ClaimVerdict::Inconclusive(None));
+        // The margin is 669 here.
+        let by_a_fifth = format!("{ABOVE_PPO}\nmargin = 0.2");
+        let runs = [mcpo(ENV, 1e-4, &[500.0, 510.0, 490.0]), ppo(ENV, &[100.0, 110.0, 90.0])];
+        assert_eq!(verdict(&by_a_fifth, &runs), ClaimVerdict::Contradicted);
+        let not_worse = "of = 'algorithm=ppo'\nis = 'above'\nthan = 'algorithm=mcpo'\nmargin = -0.2";
+        assert_eq!(verdict(not_worse, &runs), ClaimVerdict::Holds);
+        assert_eq!(verdict("of = 'algorithm=ppo'\nis = 'below'\nthan = 'algorithm=mcpo'", &runs), ClaimVerdict::Holds);
+        let like = "of = 'algorithm=ppo'\nis = 'like'\nthan = 'algorithm=mcpo'\nmargin";
+        assert_eq!(verdict(&format!("{like} = 0.2"), &runs), ClaimVerdict::Holds);
+        assert_eq!(verdict(&format!("{like} = 0.05"), &runs), ClaimVerdict::Contradicted);
+    }
+
+    /// `scipy.stats.ttest_ind([500, 540, 490], [100, 130, 80, 90], equal_var=False)` (SciPy 1.17.1), its
+    /// `confidence_interval(0.95)` and `pvalue`.
+    #[test]
+    fn the_numbers_are_those_of_scipy() {
+        let runs = [mcpo(ENV, 1e-4, &[500.0, 540.0, 490.0]), ppo(ENV, &[100.0, 130.0, 80.0, 90.0])];
+        let rows = judged(ABOVE_PPO, &runs);
+        let found = rows[0].difference.expect("enough seeds");
+        assert!((found.mean - 410.0).abs() < 1e-9, "{found:?}");
+        assert!(
+            (found.low - 357.28989259648824).abs() < 1e-6 && (found.high - 462.71010740351176).abs() < 1e-6,
+            "{found:?}"
+        );
+        let (opposite, itself) = rows[0].p.expect("judged");
+        assert!((opposite - 3.4244216830404264e-05).abs() < 1e-9 && itself == 1.0, "{opposite} {itself}");
+        assert_eq!(
+            (rows[0].improvement, rows[0].seeds.found, rows[0].than.map(|than| than.found)),
+            (Some(1.0), 3, Some(4))
+        );
+    }
+
+    #[test]
+    fn environments_and_settings_are_rows_that_allow_for_each_other() {
+        let close = [100.0, 120.0, 110.0];
+        let runs = [
+            mcpo(ENV, 1e-4, &[140.0, 150.0, 155.0]),
+            mcpo(ENV, 1e-2, &close),
+            ppo(ENV, &close),
+            mcpo("Ant-v2", 1e-4, &[1.0, 2.0, 3.0]),
+            ppo("Ant-v2", &[1.0, 2.5, 3.0]),
+            mcpo("Walker2d-v2", 1e-4, &[1.0, 2.0, 3.0]),
+        ];
+        let rows = judged(ABOVE_PPO, &runs);
+        let places: Vec<_> = rows.iter().map(|row| (row.env.as_deref(), row.setting.as_str())).collect();
+        let one = "d = 10⁻⁴";
+        assert_eq!(places, [(Some(ENV), one), (Some("Ant-v2"), one), (Some(ENV), "d = 10⁻²")], "no PPO in Walker2d");
+        let alone = judged(ABOVE_PPO, &[runs[0].clone(), runs[2].clone()])[0].p.expect("judged").0;
+        assert!((rows[0].p.expect("judged").0 - 3.0 * alone).abs() < 1e-12);
+    }
+
+    #[test]
+    fn over_all_environments_each_weighs_the_same() {
+        // Expert - Random is 3346.71 in Hopper-v2 and 3342.68 in Ant-v2.
+        let runs = [
+            mcpo(ENV, 1e-4, &[334.671, 334.671, 334.671]),
+            ppo(ENV, &[0.0; 3]),
+            mcpo("Ant-v2", 1e-4, &[1002.804, 1002.804, 1002.804]),
+            ppo("Ant-v2", &[0.0; 3]),
+        ];
+        let rows = judged(&format!("{ABOVE_PPO}\nenvironments = 'overall'\nmargin = 0.15"), &runs);
+        assert_eq!((rows.len(), &rows[0].env), (1, &None));
+        assert!((rows[0].difference.expect("judged").mean - 0.2).abs() < 1e-9 && rows[0].limit == 0.15, "{rows:?}");
+        assert_eq!(rows[0].verdict, ClaimVerdict::Holds);
+    }
+
+    #[test]
+    fn runs_on_both_sides_are_those_that_the_others_are_compared_with() {
+        let runs = [mcpo(ENV, 1e-4, &[1.0, 2.0, 3.0]), mcpo(ENV, 1e-2, &[5.0, 6.0, 7.0])];
+        let rows = judged("of = 'algorithm=mcpo'\nis = 'above'\nthan = 'd=0.0001'", &runs);
+        assert_eq!(rows.iter().map(|row| row.difference.map(|found| found.mean)).collect::<Vec<_>>(), [Some(4.0)]);
+    }
+
+    #[test]
+    fn a_demonstrations_return_is_a_level() {
+        let learned = |returns: &[f64]| {
+            mcpo(ENV, 1e-4, returns).into_iter().map(|run| run.demonstrated(Some("a"), Some(974.5))).collect::<Vec<_>>()
+        };
+        let above = "of = 'algorithm=mcpo'\nis = 'above'\nthan = 'demonstration'";
+        assert_eq!(verdict(above, &[learned(&[1000.0, 1010.0, 1005.0])]), ClaimVerdict::Holds);
+        assert_eq!(verdict(above, &[learned(&[900.0, 910.0, 905.0])]), ClaimVerdict::Contradicted);
+    }
+
+    #[test]
+    fn a_failed_run_takes_away_what_it_could_have_changed() {
+        let mut good = mcpo(ENV, 1e-4, &[500.0, 510.0, 490.0, 505.0]);
+        let others = ppo(ENV, &[100.0, 110.0, 90.0]);
+        assert_eq!(verdict(ABOVE_PPO, &[good.clone(), others.clone()]), ClaimVerdict::Holds);
+        good.push(fixture::mcpo(ENV, 1e-4, 1e-3, 4).failed("diverged"));
+        good.push(fixture::mcpo(ENV, 1e-4, 1e-3, 5).failed("diverged"));
+        let rows = judged(ABOVE_PPO, &[good, others]);
+        assert_eq!(rows[0].verdict, ClaimVerdict::Inconclusive(None), "{rows:?}");
+        assert_eq!(rows[0].seeds, Count { found: 4, planned: 6 });
+        assert!(rows[0].difference.is_some_and(|found| found.mean > 400.0 && found.low < 100.0), "{rows:?}");
+    }
+
+    #[test]
+    fn a_kept_constraint_is_a_share_over_seeds() {
+        let run = |seed, met: &[f64]| {
+            let column = |values: Vec<f64>| (1..).map(|row| 10 * row).zip(values).collect::<Vec<(u64, f64)>>();
+            fixture::mcpo(ENV, 1.0, 0.0, seed)
+                .finished(&[(100, &[1.0])])
+                .progress("mmd", &column(met.to_vec()))
+                .progress("d_k", &column(vec![1.0; met.len()]))
+        };
+        let kept: Vec<Run> = (0..3).map(|seed| run(seed, &[2.0, 0.9, 0.8, 0.7])).collect();
+        let rows = judged("of = 'algorithm=mcpo'\nis = 'kept'", std::slice::from_ref(&kept));
+        assert_eq!((&rows[0].verdict, rows[0].limit), (&ClaimVerdict::Holds, 0.95));
+        assert_eq!((rows[0].improvement, rows[0].than), (None, None));
+        let broken: Vec<Run> = (0..3).map(|seed| run(seed, &[0.9, 2.0, 0.8, 2.0])).collect();
+        assert_eq!(verdict("of = 'algorithm=mcpo'\nis = 'kept'", &[broken]), ClaimVerdict::Contradicted);
+        assert_eq!(
+            verdict("of = 'algorithm=mcpo'\nis = 'kept'\nshare = 1.0", &[kept]),
+            ClaimVerdict::Inconclusive(None)
+        );
+    }
+}

@@ -1,0 +1,181 @@
+//! Claims as text: what became of each, and the numbers of every row.
+
+use super::{
+    Grid,
+    csv::{number, written},
+    digits::{alone, between},
+    latex_grid, markdown_grid, terminal,
+};
+use crate::{
+    escape,
+    report::{
+        claims::{ClaimRow, ClaimVerdict, ClaimsData, Count},
+        notes,
+    },
+    spec::{Claim, Part, Relation},
+};
+
+const TITLE: &str = "Claims";
+
+/// The claims as Markdown: a line each, then every environment's numbers.
+pub fn markdown(data: &ClaimsData) -> String {
+    let notes: String = data.notes.iter().map(|note| format!("- {}\n", escape::markdown(note))).collect();
+    format!("# {TITLE}\n\n{}\n{}\n{notes}", markdown_grid(&summary(data)), markdown_grid(&details(data)))
+}
+
+/// Every environment's numbers for LaTeX, as [`latex`](super::latex) writes a table.
+pub fn latex(data: &ClaimsData) -> String {
+    latex_grid(TITLE, &details(data), &data.notes)
+}
+
+/// What became of each claim, for a terminal of `width` columns.
+pub fn shown(data: &ClaimsData, width: Option<usize>) -> String {
+    terminal::folded(TITLE, &summary(data), &[], width)
+}
+
+/// A line a claim.
+fn summary(data: &ClaimsData) -> Grid {
+    let headers = ["claim", "what is compared", "verdict"].map(str::to_owned).to_vec();
+    let line = |rows: &[ClaimRow]| vec![rows[0].claim.name.clone(), compared(&rows[0].claim), overall(rows)];
+    Grid { headers, rows: data.by_claim().map(line).collect(), names: 1, numeric: vec![false; 3] }
+}
+
+/// `return of algorithm=mcpo above that of algorithm=ppo`.
+fn compared(claim: &Claim) -> String {
+    let part = if claim.at == Part::Area { " over all of training" } else { "" };
+    let margin = match (claim.margin, claim.on.as_str()) {
+        (0.0, _) => String::new(),
+        (margin, Claim::RETURN) => format!(", margin {} of Expert - Random", alone(margin)),
+        (margin, _) => format!(", margin {}", number(Some(margin))),
+    };
+    let (of, on) = (&claim.of, &claim.on);
+    let than = match claim.than.as_deref() {
+        Some(Claim::DEMONSTRATION) => "the demonstration",
+        than => than.unwrap_or_default(),
+    };
+    match claim.is {
+        Relation::Kept => {
+            format!("MMD² of {of} within d in {} % of iterations once met", alone(100.0 * claim.share.get()))
+        }
+        Relation::Above => format!("{on} of {of} above that of {than}{part}{margin}"),
+        Relation::Below => format!("{on} of {of} below that of {than}{part}{margin}"),
+        Relation::Like => format!("{on} of {of} like that of {than}{part}{margin}"),
+    }
+}
+
+/// `holds in 5 of 7; contradicted in 1 of 7 (Hopper-v2); inconclusive in 1 of 7`, or the verdict of the only row.
+fn overall(rows: &[ClaimRow]) -> String {
+    if let [only] = rows {
+        return only.verdict.text();
+    }
+    let told = |verdict: &str, is: fn(&ClaimVerdict) -> bool, is_named: bool| {
+        let places: Vec<String> = rows.iter().filter(|row| is(&row.verdict)).map(place).collect();
+        let names = if is_named { format!(" ({})", notes::listed(&places)) } else { String::new() };
+        (!places.is_empty()).then(|| format!("{verdict} in {} of {}{names}", places.len(), rows.len()))
+    };
+    let parts = [
+        told("holds", |verdict| *verdict == ClaimVerdict::Holds, false),
+        told("contradicted", |verdict| *verdict == ClaimVerdict::Contradicted, true),
+        told("inconclusive", |verdict| matches!(verdict, ClaimVerdict::Inconclusive(_)), false),
+    ];
+    parts.into_iter().flatten().collect::<Vec<_>>().join("; ")
+}
+
+/// Where a row is judged.
+pub fn place(row: &ClaimRow) -> String {
+    let env = row.env.as_deref().unwrap_or("all environments");
+    if row.setting.is_empty() { env.to_owned() } else { format!("{env}, {}", row.setting) }
+}
+
+/// A line a row.
+fn details(data: &ClaimsData) -> Grid {
+    let headers = ["claim", "where", "difference or share", "95 % interval", "above", "seeds", "p", "verdict"];
+    let line = |row: &ClaimRow| {
+        let smaller = row.p.map(|(opposite, itself)| opposite.min(itself));
+        vec![
+            row.claim.name.clone(),
+            place(row),
+            row.difference.map_or(String::new(), |difference| alone(difference.mean)),
+            row.difference.map_or(String::new(), |difference| between(difference.low, difference.high)),
+            row.improvement.map_or(String::new(), |share| format!("{:.0} %", 100.0 * share)),
+            seeds(row),
+            smaller.map_or(String::new(), p),
+            row.verdict.text(),
+        ]
+    };
+    let numeric = headers.iter().map(|header| !["claim", "where", "verdict"].contains(header)).collect();
+    let headers = headers.map(str::to_owned).to_vec();
+    Grid { headers, rows: data.rows.iter().map(line).collect(), names: 2, numeric }
+}
+
+/// `5 and 4 of 5`.
+fn seeds(row: &ClaimRow) -> String {
+    let one = |count: Count| match count.found == count.planned {
+        true => count.found.to_string(),
+        false => format!("{} of {}", count.found, count.planned),
+    };
+    [Some(row.seeds), row.than].into_iter().flatten().map(one).collect::<Vec<_>>().join(" and ")
+}
+
+fn p(p: f64) -> String {
+    if p < 0.001 { "<0.001".to_owned() } else { format!("{p:.3}") }
+}
+
+/// The rows, with every number in full.
+///
+/// Errors: none that the csv crate gives for a buffer in memory.
+pub fn csv(data: &ClaimsData) -> Result<Vec<u8>, csv::Error> {
+    let headers = [
+        "claim",
+        "of",
+        "is",
+        "than",
+        "on",
+        "env",
+        "setting",
+        "difference",
+        "low",
+        "high",
+        "limit",
+        "improvement",
+        "seeds",
+        "planned_seeds",
+        "than_seeds",
+        "than_planned_seeds",
+        "p_opposite",
+        "p_claim",
+        "verdict",
+    ];
+    let row = |row: &ClaimRow| {
+        let claim = &row.claim;
+        let is = match claim.is {
+            Relation::Above => "above",
+            Relation::Below => "below",
+            Relation::Like => "like",
+            Relation::Kept => "kept",
+        };
+        let whole = |count: Option<usize>| count.map_or(String::new(), |count| count.to_string());
+        vec![
+            escape::csv(&claim.name),
+            escape::csv(&claim.of),
+            is.to_owned(),
+            escape::csv(claim.than.as_deref().unwrap_or_default()),
+            claim.on.clone(),
+            row.env.clone().unwrap_or_default(),
+            escape::csv(&row.setting),
+            number(row.difference.map(|difference| difference.mean)),
+            number(row.difference.map(|difference| difference.low)),
+            number(row.difference.map(|difference| difference.high)),
+            number(row.difference.map(|_| row.limit)),
+            number(row.improvement),
+            whole(Some(row.seeds.found)),
+            whole(Some(row.seeds.planned)),
+            whole(row.than.map(|count| count.found)),
+            whole(row.than.map(|count| count.planned)),
+            number(row.p.map(|(opposite, _)| opposite)),
+            number(row.p.map(|(_, itself)| itself)),
+            row.verdict.text(),
+        ]
+    };
+    written(&headers, data.rows.iter().map(row))
+}

@@ -1,0 +1,77 @@
+//! The check of claims.
+
+use std::ops::Range;
+
+use toml::de::DeTable;
+
+use super::{Checker, Value};
+use crate::spec::{Claim, Selection, catalog::Catalog, figure};
+
+/// Keys that mean nothing for a constraint that is kept, with what they are about.
+const OF_COMPARISONS: [&str; 4] = ["than", "on", "at", "margin"];
+
+impl Checker<'_> {
+    /// `[[claims]]`.
+    pub(super) fn claims(&mut self, value: &Value<'_>) {
+        let section = &Catalog::get().claim;
+        self.shown_tables(value, "claims", "claim", section, Self::of_claim);
+        self.tables(value, "claims", Self::together);
+    }
+
+    /// A value of a claim that has the right type.
+    fn of_claim(&mut self, key: &str, value: &Value<'_>) {
+        match (key, value.get_ref().as_str()) {
+            ("than", Some(Claim::DEMONSTRATION)) => {}
+            ("of" | "than" | "only", Some(selection)) => {
+                if let Err(error) = Selection::parse(selection) {
+                    self.wrong(value.span(), error.to_string(), None);
+                }
+            }
+            ("on", Some(column)) if figure::WORDS.contains(&column) => {
+                self.wrong(value.span(), format!("`{column}` holds words; a claim is about numbers"), None);
+            }
+            ("on", _) => self.known("column", value, &figure::columns()),
+            ("margin", _) if number(value).is_some_and(|margin| !margin.is_finite()) => {
+                self.wrong(value.span(), "`margin` is no finite number", None);
+            }
+            _ => {}
+        }
+    }
+
+    /// What the keys of one claim are together.
+    fn together(&mut self, claim: &DeTable<'_>, span: Range<usize>) {
+        let text = |key: &str| claim.get(key).and_then(|value| value.get_ref().as_str());
+        let place = |key: &str| claim.get(key).map_or(span.clone(), |value| value.span());
+        match text("is") {
+            Some("kept") => {
+                for key in OF_COMPARISONS.into_iter().filter(|key| claim.contains_key(*key)) {
+                    self.note(place(key), format!("`{key}` says nothing of a constraint that is kept"), None);
+                }
+            }
+            Some("above" | "below" | "like") => {
+                if claim.contains_key("share") {
+                    self.note(place("share"), "`share` is of a constraint that is `kept`", None);
+                }
+                if !claim.contains_key("than") {
+                    let label = "expected runs such as `algorithm=ppo`, or `demonstration`".to_owned();
+                    self.note(span.clone(), "this claim has no `than`", Some(label));
+                }
+            }
+            _ => {}
+        }
+        let margin = claim.get("margin").map_or(Some(0.0), number);
+        if text("is") == Some("like") && margin.is_some_and(|margin| margin <= 0.0) {
+            let label = "expected a number above 0: nothing is the same to the last digit".to_owned();
+            self.note(place("margin"), "`like` needs a `margin`", Some(label));
+        }
+        let on = text("on").unwrap_or(Claim::RETURN);
+        if text("than") == Some(Claim::DEMONSTRATION) && on != Claim::RETURN {
+            self.note(place("than"), format!("a demonstration has a return, and no `{on}`"), None);
+        }
+    }
+}
+
+/// The number that a value is.
+fn number(value: &Value<'_>) -> Option<f64> {
+    super::plain_value(value).and_then(|value| value.as_float().or_else(|| Some(value.as_integer()? as f64)))
+}

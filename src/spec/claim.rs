@@ -1,0 +1,107 @@
+//! `[[claims]]`: what a paper says of its methods, to be judged by what is recorded.
+
+use serde::{Deserialize, Serialize};
+
+use crate::quantity::{UnitInterval, constant};
+
+/// One claim: `on` of the runs `of` is above, below or like that of the runs `than`; or they keep their constraint.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Claim {
+    /// The paper's sentence in short.
+    pub name: String,
+    /// The runs that it is about, as for `--only`; settings that differ in more than their seed are judged one by one.
+    pub of: String,
+    /// What is said of them.
+    pub is: Relation,
+    /// What they are compared with: runs of one setting, as for `--only`, or `demonstration`, its return.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub than: Option<String>,
+    /// What is compared: `return` (evaluations, dense) or a column of numbers of `progress.parquet`.
+    #[serde(default = "Claim::returns")]
+    pub on: String,
+    /// Which part of training counts.
+    #[serde(default)]
+    pub at: Part,
+    /// Whether it is judged in each environment, or over all of them.
+    #[serde(default)]
+    pub environments: Environments,
+    /// Runs that count on either side, as for `--only`; all when absent.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub only: Option<String>,
+    /// The difference that does not count, for returns as a share of the paper's Expert - Random; below 0, the shortfall that is
+    /// allowed.
+    #[serde(default)]
+    pub margin: f64,
+    /// For `kept`: the least share of the iterations, after the first in which the constraint was met, in which it has to be.
+    #[serde(default = "Claim::nearly_all")]
+    pub share: UnitInterval,
+}
+
+/// What a claim says.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Relation {
+    /// Greater, by more than the margin.
+    Above,
+    /// Less, by more than the margin.
+    Below,
+    /// Apart by less than the margin.
+    Like,
+    /// Once met, the mimicry constraint is met in at least the share of the iterations.
+    Kept,
+}
+
+/// Which part of training a claim is about.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Part {
+    /// The final evaluation; of a column, the last tenth of the steps.
+    #[default]
+    End,
+    /// All of it: the area under the curve, over its length.
+    Area,
+}
+
+/// Where a claim is judged.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Environments {
+    /// In each environment that both sides have.
+    #[default]
+    Each,
+    /// Over all of them, each weighing the same.
+    Overall,
+}
+
+impl Claim {
+    /// What `than` calls the demonstration's return.
+    pub const DEMONSTRATION: &'static str = "demonstration";
+
+    /// What `on` calls returns.
+    pub const RETURN: &'static str = "return";
+
+    fn returns() -> String {
+        Self::RETURN.into()
+    }
+
+    fn nearly_all() -> UnitInterval {
+        constant(0.95)
+    }
+
+    /// A valid claim.
+    pub(super) fn specimen() -> Self {
+        Self {
+            name: "claim".into(),
+            of: "algorithm=mcpo".into(),
+            is: Relation::Above,
+            than: None,
+            on: Self::returns(),
+            at: Part::End,
+            environments: Environments::Each,
+            only: None,
+            margin: 0.0,
+            share: Self::nearly_all(),
+        }
+    }
+}
