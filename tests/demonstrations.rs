@@ -108,7 +108,7 @@ fn bad_input_is_one_error_and_writes_nothing() {
     refused(&["show", "tests/reference/mmd.json"], &["mmd.json", "not a Parquet file"]);
     let pickle = reference("import_protocol3.pkl");
     refused(&["import", &pickle, "--env", "Ant-v2", "--out", &out], &["does not fit Ant-v2", "InvertedPendulum-v2"]);
-    refused(&["import", "tests/reference/mmd.py", "--env", "Ant-v2", "--out", &out], &["mmd.py", "none of"]);
+    refused(&["import", "tests/reference/mmd.py", "--env", "Ant-v2", "--out", &out], &["mmd.py", "not a pickle"]);
     let nowhere = folder.path().join("missing/out.parquet").display().to_string();
     refused(&["import", &pickle, "--env", "InvertedPendulum-v2", "--out", &nowhere], &["cannot write", &nowhere]);
     assert_eq!(fs::read_dir(folder.path()).expect("a folder").count(), 0);

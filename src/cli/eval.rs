@@ -68,7 +68,7 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<ExitCode> {
     check_digest(&path)?;
     // How many play together does not change what they play.
     let together = spec.rollout.environments.size().min(arguments.episodes as usize).min(TOGETHER);
-    let mut tasks = build::tasks(&spec, together)?;
+    let mut tasks = build::tasks(&spec, together).with_context(|| format!("cannot play {}", path.display()))?;
     let (agent, _) = policy::read_for(&path, tasks[0].spaces())?;
     let starts = (0..arguments.episodes).map(|index| Seed(arguments.seed).stream(Stream::Evaluation, index)).collect();
     let episodes = evaluate::episodes(&mut evaluate::Actor::MeanAction(&agent), &mut tasks, starts, &mut || {})?;

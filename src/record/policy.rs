@@ -41,7 +41,7 @@ pub fn read(path: &Path) -> Result<(Agent, Stamp), RecordError> {
 /// Errors: also its observations or actions have another number of numbers.
 pub fn read_for(path: &Path, spaces: Spaces) -> Result<(Agent, Stamp), RecordError> {
     let (agent, stamp) = read(path)?;
-    let found = (agent.normalizer.mean().len(), agent.policy.dim());
+    let found = (agent.normalizer.mean().len(), agent.policy.log_std().len());
     let expected = (spaces.observation_dim, spaces.action_dim);
     if found != expected {
         let shape = |(observation, action)| format!("observations of {observation} and actions of {action} numbers");

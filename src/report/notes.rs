@@ -224,7 +224,8 @@ mod tests {
         ];
         let notes = of_table(&runs.iter().collect::<Vec<_>>(), &[]).join("\n");
         assert!(notes.contains("1 of 2 runs finished."), "{notes}");
-        assert!(notes.contains("Budget: 100 environment steps."), "{notes}");
+        let budget = "Budget: 100 environment steps; trained for 4.1k, since rollouts are whole.";
+        assert!(notes.contains(budget), "{notes}");
         assert!(notes.contains("Samples of the MMD: MCPO demo_states."), "{notes}");
         assert!(notes.contains(&format!("Failed: {}: out of memory", runs[0].spec.id)), "{notes}");
     }

@@ -176,7 +176,7 @@ fn a_policy_that_does_not_fit_what_it_says_is_not_played() {
         change(&mut stamp.spec);
         stamp
     };
-    refused(&with(|spec| spec["env"] = "MountainCarContinuous-v0".into()), "is not a reward of");
+    refused(&with(|spec| spec["env"] = "MountainCarContinuous-v0".into()), "has no reward sparse3");
     let other = with(|spec| (spec["env"], spec["reward"]) = ("MountainCarContinuous-v0".into(), "dense".into()));
     refused(&other, "observations of 4 and actions of 1 numbers; its environment has observations of 2 and");
     refused(&with(|spec| spec["max_steps"] = (1_u64 << 62).into()), "at most 1000000 are played");

@@ -2,7 +2,7 @@
 
 use std::{fs, path::Path, process::Command};
 
-use mcpo_run::record::{Build, Manifest, RunPaths, compare::TOLERANCE, rows};
+use mcpo_run::record::{Build, Manifest, RunPaths, TableDigests, compare::TOLERANCE, rows};
 
 use crate::workbench::{PENDULUM, Workbench, texts};
 
@@ -16,13 +16,17 @@ fn with_record() -> Workbench {
     bench
 }
 
-/// Changes the rows of `id`'s iterations in the record by `change`.
+/// Makes the record of `id` that of a run whose iterations differ by `change`.
 fn falsify(bench: &Workbench, id: &str, change: impl FnOnce(&mut [mcpo_run::train::Iteration])) {
     let path = RunPaths::progress(&bench.path("record/runs").join(id));
     let mut iterations = rows::read_progress(&path).expect("readable");
     let (keys, stamp) = (rows::read_keys(&path).expect("readable"), rows::read_stamp(&path).expect("readable"));
     change(&mut iterations);
     rows::write_progress(&path, &keys, &stamp, &iterations).expect("written");
+    let folder = bench.path("record/runs").join(id);
+    let manifest = Manifest::read(&RunPaths::manifest(&folder)).expect("readable").expect("there");
+    let tables = Some(TableDigests::of(&folder).expect("both are there"));
+    Manifest { tables, ..manifest }.write(&RunPaths::manifest(&folder)).expect("written");
 }
 
 /// Changes the class of machine that the record of `id` was made on.

@@ -63,7 +63,7 @@ pub const MISTAKES: &[(&str, &[Told])] = &[
     ("duplicate_key", &[(5, 1, "duplicate key", "")]),
     ("empty_list", &[(7, 13, "the list of `seed` is empty", "")]),
     ("environment_twice", &[(8, 29, "lists InvertedPendulum-v2 twice", "")]),
-    ("extends_a_folder", &[(1, 11, "cannot read it", "")]),
+    ("extends_a_folder", &[(1, 11, "it is a folder, not a file", "")]),
     ("extends_a_missing_file", &[(1, 11, "not_there.toml: there is no such file", "")]),
     ("extends_itself", &[(1, 11, "extends itself", "")]),
     ("figure_of_an_unknown_column", &[(14, 10, "unknown y `retrun`", "`return`")]),
