@@ -44,15 +44,16 @@ disturb() {
         size) ulimit -S -f $((1 + RANDOM % 64)); trap '' XFSZ ;;
         call)
             local call=${calls[RANDOM % ${#calls[@]}]} error=${errors[RANDOM % ${#errors[@]}]}
-            before=(strace -f -qq -o /dev/null -e "trace=$call"
+            before=(strace -f --seccomp-bpf -qq -o /dev/null -e "trace=$call"
                 -e "inject=$call:error=$error:when=$((1 + RANDOM % 400))+$((1 + RANDOM % 50))") ;;
     esac
-    timeout -k 5 120 "${before[@]}" "$program" tiny.toml --results results --jobs 2 --quiet > /dev/null 2> last-stderr &
+    timeout -s INT -k 10 20 "${before[@]}" "$program" tiny.toml --results results --jobs 2 --quiet > /dev/null 2> last-stderr &
     local guard=$!
     sleep "0.$(printf %03d $((RANDOM % 900)))"
-    local main workers
-    main=$(pgrep -P $guard | head -1); workers=$(pgrep -P "${main:-0}" | head -2)
-    case $way in
+    local main workers=
+    main=$(pgrep -P $guard | head -1)
+    [[ -n $main ]] && workers=$(pgrep -P "$main" | head -2)
+    [[ -n $workers ]] && case $way in
         program) kill -9 $main ;;
         worker) kill -9 ${workers%%$'\n'*} ;;
         both) kill -9 $main $workers ;;
