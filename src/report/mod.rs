@@ -66,12 +66,6 @@ pub enum ReportError {
         /// The selection.
         only: String,
     },
-    /// Two parts of the report have names that make one file.
-    #[error("two parts of the report would both be {}; rename a figure or table", path.display())]
-    TwoFiles {
-        /// The file.
-        path: PathBuf,
-    },
     /// A picture cannot be encoded.
     #[error("cannot draw a figure: {0}")]
     Draw(io::Error),

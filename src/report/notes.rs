@@ -74,7 +74,7 @@ pub fn of_table(runs: &[&Run], rows: &[Row]) -> Vec<String> {
 /// The notes of claims whose rows are `rows`.
 pub fn of_claims(rows: &[ClaimRow]) -> Vec<String> {
     let mut notes = vec![
-        "Difference: mean over seeds of the first runs less that of the others, with Welch's interval; over all environments in units \
+        "Difference: mean over seeds of the first runs less that of the others, with Welch's interval; over several environments in units \
          of the paper's Expert - Random. Above: the share of pairs of seeds in which the first is above the other."
             .to_owned(),
         "A claim holds, or is contradicted, at 5 % after Holm's correction over its rows; p is the smaller of both p values. Runs \
@@ -224,8 +224,7 @@ mod tests {
         ];
         let notes = of_table(&runs.iter().collect::<Vec<_>>(), &[]).join("\n");
         assert!(notes.contains("1 of 2 runs finished."), "{notes}");
-        let budget = "Budget: 100 environment steps; trained for 4.1k, since rollouts are whole.";
-        assert!(notes.contains(budget), "{notes}");
+        assert!(notes.contains("Budget: 100 environment steps; trained for 1.02k to 4.1k"), "{notes}");
         assert!(notes.contains("Samples of the MMD: MCPO demo_states."), "{notes}");
         assert!(notes.contains(&format!("Failed: {}: out of memory", runs[0].spec.id)), "{notes}");
     }

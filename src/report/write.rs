@@ -136,12 +136,8 @@ impl Files {
         Ok(Self { folder, written: Vec::new() })
     }
 
-    /// Errors: the report has such a file already, or the disk refuses.
-    fn write(&mut self, name: &str, extension: &str, bytes: &[u8]) -> Result<(), ReportError> {
+    fn write(&mut self, name: &str, extension: &str, bytes: &[u8]) -> Result<(), RecordError> {
         let path = self.folder.join(format!("{name}.{extension}"));
-        if self.written.contains(&path) {
-            return Err(ReportError::TwoFiles { path });
-        }
         record::write_atomically(&path, bytes)?;
         self.written.push(path);
         Ok(())
@@ -445,23 +441,6 @@ mod tests {
         assert!(first[4].starts_with(b"\x89PNG"));
         let table = String::from_utf8(first[0].clone()).expect("text");
         assert!(table.contains("1 of 2 seeds"), "{table}");
-    }
-
-    #[test]
-    fn two_parts_of_a_report_never_share_a_file() {
-        let folder = tempfile::tempdir().expect("a folder");
-        record_some(folder.path());
-        let table =
-            |name: &str| format!("[[tables]]\nname = {name:?}\ntitle = ''\nrows = ['env']\ncolumns = 'algorithm'\n");
-        let claims = "[[claims]]\nname = 'c'\nof = 'algorithm=mcpo'\nis = 'kept'\n".to_owned();
-        for (more, file) in [
-            (table("t") + &table("t-seeds"), "t-seeds.csv"),
-            (table("README"), "README.md"),
-            (table("claims") + &claims, "claims.md"),
-        ] {
-            let error = write(&experiment(&more), folder.path(), &Scope::default()).expect_err(file).to_string();
-            assert!(error.contains("two parts of the report would both be") && error.contains(file), "{error}");
-        }
     }
 
     #[test]

@@ -19,16 +19,17 @@ impl Contrast {
     /// The sum of the means of `parts`, each with its weight: weights 1 and -1 give Welch's (1947) difference of two means. `None`
     /// without parts, or where one has fewer than two samples.
     pub fn of(parts: &[(f64, &[f64])]) -> Option<Self> {
-        let (mut estimate, mut squared, mut shares) = (0.0, 0.0, 0.0);
+        let mut estimate = 0.0;
+        let mut variances = Vec::with_capacity(parts.len());
         for &(weight, samples) in parts {
             let (mean, variance) = mean_and_variance(samples)?;
-            let n = samples.len() as f64;
-            let own = weight * weight * variance / n;
             estimate += weight * mean;
-            squared += own;
-            shares += own * own / (n - 1.0);
+            variances.push((weight * weight * variance / samples.len() as f64, samples.len() as f64 - 1.0));
         }
-        (!parts.is_empty()).then(|| Self { estimate, error: squared.sqrt(), freedom: squared * squared / shares })
+        let all: f64 = variances.iter().map(|(own, _)| own).sum();
+        // Shares, since the squares of small variances are 0.
+        let shares: f64 = variances.iter().map(|(own, freedom)| (own / all).powi(2) / freedom).sum();
+        (!parts.is_empty()).then(|| Self { estimate, error: all.sqrt(), freedom: 1.0 / shares })
     }
 
     /// The confidence that the sum of the true means is below `limit`: one less the p value of the one-sided test that it is not.
@@ -64,6 +65,15 @@ mod tests {
     fn too_few_samples_have_no_error() {
         assert_eq!(Contrast::of(&[]), None);
         assert_eq!(Contrast::of(&[(1.0, &X), (-1.0, &[2.0])]), None);
+    }
+
+    #[test]
+    fn small_numbers_are_compared_as_large_ones() {
+        let p = |scale: f64| {
+            let scaled = |samples: &[f64]| samples.iter().map(|x| scale * x).collect::<Vec<f64>>();
+            Contrast::of(&[(1.0, &scaled(&X)), (-1.0, &scaled(&Y))]).expect("enough").confidence_below(0.0)
+        };
+        assert!((p(1e-100) - p(1.0)).abs() < 1e-9);
     }
 
     #[test]

@@ -99,6 +99,15 @@ pub const MISTAKES: &[(&str, &[Told])] = &[
     ("missing_name", &[(1, 1, "`name` is missing", "`name = \"...\"`")]),
     ("missing_seed", &[(6, 1, "this block has no `seed`", "`seed = [...]`")]),
     ("name_that_leads_outside", &[(1, 8, "`../broken` cannot name a file", "expected letters")]),
+    (
+        "names_of_other_files",
+        &[
+            (12, 10, "`README` is the name of a file that every report has of its own", ""),
+            (18, 11, "`Claims` is the name of a file", "another name"),
+            (24, 11, "`returns-seeds` is the name of a file", ""),
+            (30, 11, "`return-curves` is the name of a file", ""),
+        ],
+    ),
     ("negative_budget", &[(4, 13, "-100000 is out of range", "a whole number, 1 or above")]),
     ("negative_seed", &[(7, 17, "the seed -1 is out of range", "0 or above")]),
     ("nothing", &[(1, 1, "`name` is missing", "`name = "), (1, 1, "`matrix` is missing", "`[[matrix]]`")]),

@@ -193,7 +193,8 @@ fn flaw(schema: &Value, value: &Value) -> Option<String> {
 }
 
 /// Mistakes that only the whole of a file shows, or that are no matter of types.
-const BEYOND_A_SCHEMA: [&str; 21] = [
+const BEYOND_A_SCHEMA: [&str; 22] = [
+    "names_of_other_files",
     "claim_of_a_demonstrations_column",
     "claim_of_unknown_runs",
     "claim_with_a_margin_that_is_none",

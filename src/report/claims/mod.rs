@@ -32,13 +32,15 @@ pub struct ClaimsData {
     pub notes: Vec<String>,
 }
 
-/// A claim in one environment, or over all of them.
+/// A claim in one environment, or over several.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ClaimRow {
     /// The claim, as the file has it.
     pub claim: Claim,
-    /// The environment; `None` over all.
+    /// The environment; `None` over several.
     pub env: Option<String>,
+    /// How many environments.
+    pub environments: usize,
     /// What tells the runs apart from those of other rows of the claim; empty where nothing does.
     pub setting: String,
     /// The difference, or the share for `kept`, with its 95 % interval.
@@ -193,6 +195,7 @@ fn verdicts(claim: &Claim, rows: Vec<Row<'_>>) -> Vec<ClaimRow> {
         ClaimRow {
             claim: claim.clone(),
             env: row.env.clone(),
+            environments: row.sides.len(),
             setting: row.setting.clone(),
             difference: judged.as_ref().map(|judged| judged.interval),
             limit: judged.map_or(0.0, |judged| judged.limit),
@@ -377,7 +380,7 @@ mod tests {
             ppo("Ant-v2", &[0.0; 3]),
         ];
         let rows = judged(&format!("{ABOVE_PPO}\nenvironments = 'overall'\nmargin = 0.15"), &runs);
-        assert_eq!((rows.len(), &rows[0].env), (1, &None));
+        assert_eq!((rows.len(), &rows[0].env, rows[0].environments), (1, &None, 2));
         assert!((rows[0].difference.expect("judged").mean - 0.2).abs() < 1e-9 && rows[0].limit == 0.15, "{rows:?}");
         assert_eq!(rows[0].verdict, ClaimVerdict::Holds);
     }

@@ -83,8 +83,8 @@ fn overall(rows: &[ClaimRow]) -> String {
 
 /// Where a row is judged.
 pub fn place(row: &ClaimRow) -> String {
-    let env = row.env.as_deref().unwrap_or("all environments");
-    if row.setting.is_empty() { env.to_owned() } else { format!("{env}, {}", row.setting) }
+    let env = row.env.clone().unwrap_or_else(|| notes::count(row.environments, "environment"));
+    if row.setting.is_empty() { env } else { format!("{env}, {}", row.setting) }
 }
 
 /// A line a row.
@@ -178,4 +178,58 @@ pub fn csv(data: &ClaimsData) -> Result<Vec<u8>, csv::Error> {
         ]
     };
     written(&headers, data.rows.iter().map(row))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        report::{fixture, recorded::Run},
+        spec::Claim,
+    };
+
+    fn judged() -> ClaimsData {
+        let claim = |text: &str| -> Claim { toml::from_str(text).expect("a claim") };
+        let claims = [
+            claim(
+                "name = 'MCPO | beats PPO'\nof = 'algorithm=mcpo'\nis = 'above'\nthan = 'algorithm=ppo'\nmargin = 0.1",
+            ),
+            claim("name = '=cmd()'\nof = 'algorithm=mcpo'\nis = 'kept'"),
+        ];
+        let (ours, theirs) = ([500.0, 510.0, 490.0], [100.0, 110.0, 90.0]);
+        let of = |env: &str, [mcpo, ppo]: [[f64; 3]; 2]| -> Vec<Run> {
+            let run = |(seed, value): (u64, f64)| fixture::mcpo(env, 1e-4, 1e-3, seed).finished(&[(100, &[value])]);
+            let other = |(seed, value): (u64, f64)| fixture::ppo(env, seed).finished(&[(100, &[value])]);
+            (0..).zip(mcpo).map(run).chain((0..).zip(ppo).map(other)).collect()
+        };
+        let runs = [of("Hopper-v2", [ours, theirs]), of("Ant-v2", [theirs, ours])].concat();
+        ClaimsData::new(&claims, &runs).expect("good selections")
+    }
+
+    #[test]
+    fn markdown_has_a_line_a_claim_and_a_line_a_row() {
+        let text = markdown(&judged());
+        for line in [
+            "| MCPO \\| beats PPO | return of algorithm=mcpo above that of algorithm=ppo, margin 0.1 of Expert - Random | \
+             holds in 1 of 2; contradicted in 1 of 2 (Ant-v2) |",
+            "| =cmd() | MMD² of algorithm=mcpo within d in 95 % of iterations once met | inconclusive in 2 of 2 |",
+            "| MCPO \\| beats PPO | Hopper-v2 | 400 | 377.3 to 422.7 | 100 % | 3 and 3 | 0.003 | holds |",
+            "| =cmd() | Ant-v2 | | | | 0 of 3 | | inconclusive: 0 seeds in Ant-v2; 3 are needed |",
+        ] {
+            let squeezed = text.lines().map(|line| line.split_whitespace().collect::<Vec<_>>().join(" "));
+            assert!(squeezed.into_iter().any(|found| found == line), "{line}\n{text}");
+        }
+        assert!(shown(&judged(), Some(60)).contains("holds in 1 of 2"), "{}", shown(&judged(), Some(60)));
+        assert!(latex(&judged()).contains("MCPO $|$ beats PPO & Hopper-v2 & 400 &"), "{}", latex(&judged()));
+    }
+
+    #[test]
+    fn csv_has_every_number_in_full_and_no_formula() {
+        let text = String::from_utf8(csv(&judged()).expect("written")).expect("text");
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines.len(), 5, "{text}");
+        assert!(lines[1].starts_with("MCPO | beats PPO,algorithm=mcpo,above,algorithm=ppo,return,Hopper-v2,,400,377."));
+        assert!(lines[1].contains(",334.671") && lines[1].contains(",1,3,3,3,3,"), "{text}");
+        assert!(lines[3].starts_with("'=cmd(),algorithm=mcpo,kept,,return,Hopper-v2,,,,,,,0,3,,,,,"), "{text}");
+    }
 }
