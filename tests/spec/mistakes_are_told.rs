@@ -29,7 +29,7 @@ pub const MISTAKES: &[(&str, &[Told])] = &[
     ("bad_syntax", &[(4, 13, "a value is missing", "expected a value"), (10, 20, "unclosed array", "expected `]`")]),
     ("budget_below_one_rollout", &[(4, 13, "1000 is smaller than one rollout", "at least one rollout")]),
     ("claim_of_a_demonstrations_column", &[(15, 8, "a demonstration has a return, and no `mmd`", "")]),
-    ("claim_of_an_unknown_kind", &[(14, 8, "unknown name `better`; known are `above`", "known are `above`")]),
+    ("claim_of_an_unknown_kind", &[(14, 8, "unknown name `better`; known are `above`", "")]),
     ("claim_of_likeness_without_a_margin", &[(11, 1, "`like` needs a `margin`", "above 0")]),
     ("claim_of_nothing", &[(11, 1, "this claim has no `of`", "")]),
     (
