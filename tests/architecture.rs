@@ -5,7 +5,7 @@
 //! reader of tables that believes none of their claims, are bottom modules of their own. `plan` uses `env`, since a run holds its environment and its reward. `record` and
 //! `schedule` use what rows and policies are made of, since they are `train`'s sink, and `schedule` reads demonstrations
 //! before anything starts. `bench`, which measures training, stands beside `schedule`. `report` uses `plan` and `env`, since
-//! selections and recorded runs are theirs.
+//! selections and recorded runs are theirs, `rng` for what it resamples, and `solver` for the sketch of its step.
 
 use std::{
     collections::BTreeSet,
@@ -35,7 +35,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("record", &["algo", "env", "intake", "nn", "parquet", "plan", "quantity", "rng", "train"]),
     ("schedule", &["algo", "arithmetic", "demo", "env", "escape", "intake", "plan", "record", "train"]),
     ("bench", &["algo", "arithmetic", "demo", "env", "plan", "quantity", "record", "rng", "spec", "train"]),
-    ("report", &["env", "escape", "plan", "record", "spec", "stats"]),
+    ("report", &["env", "escape", "plan", "record", "rng", "solver", "spec", "stats"]),
     (
         "cli",
         &[

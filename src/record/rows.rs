@@ -7,7 +7,7 @@
 
 use std::{collections::BTreeMap, path::Path, sync::Arc};
 
-use polars::prelude::{Column, DataFrame, KeyValueMetadata, ParquetWriter, PolarsError, PolarsResult};
+use polars::prelude::{Column, DataFrame, DataType, KeyValueMetadata, ParquetWriter, PolarsError, PolarsResult};
 
 use super::{RecordError, Stamp, io_error, read_bounded, write_atomically};
 use crate::{
@@ -21,7 +21,7 @@ use crate::{
 pub(super) const LIMIT: u64 = 1 << 28;
 
 /// What every row begins with.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Keys {
     /// The experiment's name.
     pub experiment: String,
@@ -245,6 +245,24 @@ pub fn write_progress(path: &Path, keys: &Keys, stamp: &Stamp, rows: &[Iteration
 /// Errors: there is no such file, or it has other columns.
 pub fn read_progress(path: &Path) -> Result<Vec<Iteration>, RecordError> {
     progress_rows(&read(path)?).map_err(|reason| malformed(path, reason))
+}
+
+/// The columns of numbers that a file of these rows would have, the run's keys apart.
+///
+/// Errors: none that polars gives for columns of one length.
+pub fn numbers(rows: &[Iteration]) -> Result<BTreeMap<String, Vec<Option<f64>>>, RecordError> {
+    let columns = || -> PolarsResult<_> {
+        let frame = progress_frame(&Keys::default(), rows)?;
+        let own = frame.columns().iter().filter(|column| OF_PROGRESS.contains(&column.name().as_str()));
+        let numeric = own.filter(|column| column.dtype().is_primitive_numeric());
+        numeric
+            .map(|column| {
+                let cells = column.cast(&DataType::Float64)?.f64()?.iter().collect();
+                Ok((column.name().to_string(), cells))
+            })
+            .collect()
+    };
+    columns().map_err(|error| malformed(Path::new("rows of a checkpoint"), error.to_string()))
 }
 
 /// Writes the rows of evaluation episodes.

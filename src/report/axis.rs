@@ -6,6 +6,7 @@
 use std::collections::{BTreeSet, HashMap};
 
 use super::recorded::Run;
+use crate::{env::EnvId, plan::Selection};
 
 /// Runs that agree on all keys of a grouping; they differ in their seeds.
 #[derive(Debug, Clone, PartialEq)]
@@ -103,8 +104,34 @@ pub fn key_label(key: &str) -> String {
     match key {
         "epsilon" => "ε".to_owned(),
         "env" => "environment".to_owned(),
+        "reward" => "sparsification".to_owned(),
         _ => key.rsplit('.').next().unwrap_or(key).replace('_', " "),
     }
+}
+
+/// What the runs of `selection` have in common: `ε = 0`, `MCPO or PPO, d = 10⁻³`.
+pub fn selection_label(selection: &Selection) -> String {
+    let part = |(key, values): &(String, Vec<toml::Value>)| {
+        let notation = Notation::of(values);
+        let names: Vec<String> = values.iter().map(|value| display_name(&notation.label(value)).to_owned()).collect();
+        match key.as_str() {
+            "algorithm" | "env" => names.join(" or "),
+            key => format!("{} = {}", key_label(key), names.join(" or ")),
+        }
+    };
+    selection.wanted.iter().map(part).collect::<Vec<_>>().join(", ")
+}
+
+/// The paper's name of the environment with Gym id `gym`: `Pendulum-v2` for `InvertedPendulum-v2`; other text as it is.
+pub fn paper_name(gym: &str) -> &str {
+    let Ok(env) = gym.parse::<EnvId>() else { return gym };
+    EnvId::known().filter(|(_, known)| *known == env).last().map_or(gym, |(name, _)| name)
+}
+
+/// The same without its version, as the paper's text has it.
+pub fn paper_family(gym: &str) -> &str {
+    let name = paper_name(gym);
+    if gym.parse::<EnvId>().is_ok() { name.split_once("-v").map_or(name, |(family, _)| family) } else { name }
 }
 
 /// How the numbers of one axis are written: all in the same way, so that `0.1` does not stand beside `10⁻³`.
@@ -129,11 +156,15 @@ impl Notation {
         match value {
             toml::Value::Float(number) => self.number(*number),
             toml::Value::Integer(number) => number.to_string().replace('-', "−"),
-            toml::Value::String(text) => text.clone(),
+            toml::Value::String(text) => kind_name(text),
             // What has one value beside its kind, such as `{ fixed = 1.0 }`.
             toml::Value::Table(table) if table.len() == 1 => {
                 let (kind, value) = table.iter().next().expect("it has one");
-                format!("{kind} {}", self.label(value))
+                format!("{} {}", kind_name(kind), self.label(value))
+            }
+            // Several values by their names, such as `{ distance = 5.0, mode = "milestone" }`.
+            toml::Value::Table(table) => {
+                table.iter().map(|(name, value)| format!("{name} {}", self.label(value))).collect::<Vec<_>>().join(", ")
             }
             other => other.to_string(),
         }
@@ -152,6 +183,11 @@ impl Notation {
             _ => format!("{}·{power}", mantissa.replace('-', "−")),
         }
     }
+}
+
+/// The paper's spelling of a kind of sparse reward; other kinds as they are.
+fn kind_name(kind: &str) -> String {
+    if kind.starts_with("sparse") { kind.to_uppercase() } else { kind.to_owned() }
 }
 
 /// The paper's spelling of an algorithm's name; the name itself where the paper has none.
@@ -204,6 +240,10 @@ mod tests {
     fn a_value_beside_its_kind_reads_as_words() {
         let value: toml::Table = toml::from_str("bandwidth = { fixed = 1.0 }").expect("TOML");
         assert_eq!(Notation::Digits.label(&value["bandwidth"]), "fixed 1");
+        let value: Result<toml::Table, _> =
+            toml::from_str("reward = { sparse2 = { distance = 5.0, mode = 'milestone' } }");
+        let value = value.expect("TOML");
+        assert_eq!(Notation::Digits.label(&value["reward"]), "SPARSE2 distance 5, mode milestone");
     }
 
     #[test]

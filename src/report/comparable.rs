@@ -40,7 +40,7 @@ pub fn key(change: &str) -> &str {
 
 /// Marks those of `runs` (one a planned run) that may not stand beside the others, and gives remarks on those that do.
 pub fn tell_apart(plan: &[RunSpec], runs: &mut [Run]) -> Vec<String> {
-    let remarks = budgets(plan, runs);
+    let mut remarks = budgets(plan, runs);
     most_common(
         runs,
         |run, recording| {
@@ -55,7 +55,35 @@ pub fn tell_apart(plan: &[RunSpec], runs: &mut [Run]) -> Vec<String> {
         },
         versions,
     );
+    remarks.extend(under_way(runs));
     remarks
+}
+
+/// Lets go of what runs under way have come to where it may not stand beside the first run of their environment and algorithm that
+/// is drawn, a finished one if there is any.
+fn under_way(runs: &mut [Run]) -> Option<String> {
+    let of = |run: &Run| {
+        let recording = run.recording().or(run.under_way.as_ref().map(|so_far| &so_far.recording))?;
+        Some((recording.demonstration.clone(), recording.versions.clone()))
+    };
+    let key = |run: &Run| (run.spec.env.name(), run.spec.algorithm_name().to_owned(), run.spec.demonstration.clone());
+    let mut first: Vec<(_, _)> = Vec::new();
+    let finished = runs.iter().filter(|run| run.recording().is_some());
+    for run in finished.chain(runs.iter().filter(|run| run.under_way.is_some())) {
+        if !first.iter().any(|(known, _)| *known == key(run)) {
+            first.push((key(run), of(run)));
+        }
+    }
+    let mut let_go = Vec::new();
+    for run in runs.iter_mut().filter(|run| run.under_way.is_some()) {
+        let known = first.iter().find(|(known, _)| *known == key(run));
+        if known.is_some_and(|(_, first)| *first != of(run)) {
+            run.under_way = None;
+            let_go.push(run.spec.id.clone());
+        }
+    }
+    let reason = "Under way with another demonstration or other versions than those beside them, and not drawn";
+    (!let_go.is_empty()).then(|| format!("{reason}: {}.", let_go.join(", ")))
 }
 
 /// The first digits of a digest.

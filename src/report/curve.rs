@@ -1,33 +1,28 @@
 //! Learning curves as numbers, before anything is drawn.
 //!
-//! Owns the mean and interval over seeds at each point. Knows nothing of pixels or files. Start at [`CurveData::new`].
-//!
-//! A seed's value at a point is the mean over that evaluation's episodes, or over the iterations of a bin of `progress`.
-//! Seeds are the samples of the interval, never episodes. A point exists only where every finished seed of its series
-//! has a value, so that a curve never jumps because a seed is missing; what was left out for that is counted. Where a value
-//! cannot be drawn (it is no finite number, or not above 0 on a logarithmic axis) the curve has a gap.
+//! Owns which runs make which curve in which panel. Knows nothing of pixels or files; the mean over seeds is `over_seeds`'. Start
+//! at [`CurveData::new`].
 
-use std::collections::BTreeMap;
+use std::collections::BTreeSet;
 
-use crate::{spec::Figure, stats::t_interval};
+use crate::spec::{Band, Figure, Panels};
 
 use super::{
+    ReportError,
     axis::{self, Label},
     counterpart::Counterpart,
-    recorded::{Recording, Run, demonstrated_return},
+    identity::Identities,
+    notes,
+    over_seeds::{Averaging, OverSeeds, Seed, drawn},
+    recorded::{Run, demonstrated_return},
 };
-
-/// A column of `progress.parquet` is averaged in this many bins when it has more iterations.
-const BINS: usize = 240;
-
-/// Seeds below which a band is their range: the t interval of two is 12.7 standard errors wide, and hides the figure.
-pub const SEEDS_FOR_BAND: usize = 3;
+use crate::plan::Selection;
 
 /// The confidence of all intervals.
 pub const CONFIDENCE: f64 = 0.95;
 
 /// One figure.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct CurveData {
     /// Above the panels.
     pub title: String,
@@ -37,18 +32,28 @@ pub struct CurveData {
     pub log_y: bool,
     /// The column that is drawn, as the file names it.
     pub y: String,
+    /// What panels are told apart by: an axis, or `panel` where they are selections.
+    pub panel_key: String,
     /// What curves are told apart by: the keys of the series' values.
     pub keys: Vec<String>,
     /// The legend, in order; a curve's index is the same in all panels.
     pub series: Vec<Label>,
-    /// One panel an environment.
+    /// How each series looks: its place among all looks.
+    pub looks: Vec<usize>,
+    /// The panels, in order.
     pub panels: Vec<Panel>,
+    /// What is drawn of the seeds.
+    pub band: Band,
+    /// Environment steps over which each seed is averaged.
+    pub smooth: Option<u64>,
+    /// The width in print, inches; for the screen when absent.
+    pub width: Option<f64>,
 }
 
-/// The curves of one environment.
-#[derive(Debug, Clone, PartialEq)]
+/// The curves of one panel.
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Panel {
-    /// The environment.
+    /// The environment, or another value that all of its runs share.
     pub title: String,
     /// One entry a series; `None` where the matrix has no such run.
     pub curves: Vec<Option<Curve>>,
@@ -61,10 +66,16 @@ pub struct Panel {
 pub struct Curve {
     /// In ascending order of environment steps.
     pub points: Vec<Point>,
-    /// Finished runs behind every point.
+    /// The means before they were smoothed; empty where nothing is.
+    pub raw: Vec<(f64, f64)>,
+    /// Each seed's own values at the points, where they are asked for.
+    pub singles: Vec<Vec<(f64, f64)>>,
+    /// Runs behind every point.
     pub seeds: usize,
     /// Runs that the plan has.
     pub planned: usize,
+    /// How far the runs that are drawn have come, where one of them has not ended.
+    pub under_way: Option<UnderWay>,
     /// Environment steps at which the curve is broken.
     pub gaps: Vec<f64>,
     /// Points that do not exist, and why.
@@ -75,14 +86,23 @@ pub struct Curve {
     pub tolerance: Vec<(f64, f64)>,
 }
 
+/// How far a curve goes whose runs have not all ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct UnderWay {
+    /// Environment steps that all of its runs have taken.
+    pub steps: u64,
+    /// Environment steps that they are to take.
+    pub of: u64,
+}
+
 /// Points that a curve does not have, by the first reason that holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct LeftOut {
-    /// A finished seed's value is no finite number; a gap.
+    /// A seed's value is no finite number; a gap.
     pub not_finite: usize,
-    /// A finished seed's value is not above 0, on a logarithmic axis; a gap.
+    /// A seed's value is not above 0, on a logarithmic axis; a gap.
     pub not_positive: usize,
-    /// A finished seed has no value there.
+    /// A seed has no value there.
     pub absent: usize,
 }
 
@@ -93,69 +113,124 @@ pub struct Point {
     pub env_steps: f64,
     /// Mean over the seeds.
     pub mean: f64,
-    /// 95 % Student t interval of the mean from three seeds on; of two, from the one to the other; `None` for one.
+    /// The ends of its band, as [`Band`] says; `None` for one seed.
     pub band: Option<(f64, f64)>,
 }
 
 impl CurveData {
     /// The curves of `figure` over `runs`, which are those that its `only` selects, in the plan's order.
-    pub fn new(figure: &Figure, runs: &[&Run]) -> Self {
+    ///
+    /// Errors: a panel's selection cannot be understood.
+    pub fn new(figure: &Figure, runs: &[&Run], identities: &Identities) -> Result<Self, ReportError> {
         let y = match figure.y.as_str() {
             "d" => "d_k", // the tolerance in force; the column `d` is the key, where it starts
             y => y,
         };
-        let mut keys: Vec<String> = figure.series.iter().filter(|key| *key != "env").cloned().collect();
-        let with_env: Vec<String> = keys.iter().cloned().chain(["env".to_owned()]).collect();
-        keys.extend(axis::hidden_axes(runs, &with_env));
+        let panel_axes: Vec<String> = match &figure.panels {
+            Panels::Axis(axis) => vec![axis.clone()],
+            Panels::Selections(_) => Vec::new(),
+        };
+        let mut keys: Vec<String> = figure.series.iter().filter(|key| !panel_axes.contains(key)).cloned().collect();
+        keys.extend(axis::hidden_axes(runs, &[keys.as_slice(), &panel_axes].concat()));
         keys.sort_by_key(|key| key != "algorithm"); // it names a curve best
+        if keys.is_empty() {
+            keys.push("algorithm".to_owned()); // a curve alone has a name too
+        }
         let series = axis::group(runs, &keys);
-        let ablates = keys.iter().any(|key| key == "d" || key == "epsilon");
-        let panels = axis::group(runs, &["env".to_owned()]).into_iter().map(|panel| {
-            let env = panel.runs[0].spec.env.name();
+        let panels = panels(&figure.panels, runs)?.into_iter().map(|(title, runs)| {
+            let inside: BTreeSet<&str> = runs.iter().map(|run| run.spec.id.as_str()).collect();
             let curve = |series: &axis::Group<'_>| {
-                let runs: Vec<&Run> = series.runs.iter().copied().filter(|run| run.spec.env.name() == env).collect();
-                (!runs.is_empty()).then(|| Curve::new(y, figure.log_y, &runs, ablates))
+                let within = |run: &&Run| inside.contains(run.spec.id.as_str());
+                let runs: Vec<&Run> = series.runs.iter().copied().filter(within).collect();
+                (!runs.is_empty()).then(|| Curve::new(y, figure, &runs))
             };
             Panel {
-                title: env.to_owned(),
+                title,
                 curves: series.iter().map(curve).collect(),
-                demo: demonstrated_return(&panel.runs).filter(|_| y == "return"),
+                demo: demonstrated_return(&runs).filter(|_| y == "return"),
             }
         });
-        Self {
+        let panels = panels.collect();
+        Ok(Self {
             title: figure.title.clone(),
             y_label: y_label(y),
             log_y: figure.log_y,
             y: figure.y.clone(),
+            panel_key: panel_axes.first().map_or("panel", String::as_str).to_owned(),
             series: axis::labels(&keys, &series),
-            panels: panels.collect(),
+            looks: identities.looks(series.iter().map(|series| series.runs[0])),
+            panels,
             keys,
+            band: figure.band,
+            smooth: figure.smooth.map(|steps| steps.get()),
+            width: figure.width.map(|width| width.inches()),
+        })
+    }
+}
+
+/// The titles of the panels of `runs`, and the runs in each.
+fn panels<'a>(panels: &Panels, runs: &[&'a Run]) -> Result<Vec<(String, Vec<&'a Run>)>, ReportError> {
+    match panels {
+        Panels::Axis(axis) => {
+            let keys = std::slice::from_ref(axis);
+            let groups = axis::group(runs, keys);
+            let titles = axis::labels(keys, &groups);
+            Ok(titles.into_iter().zip(groups).map(|(title, group)| (title.text, group.runs)).collect())
+        }
+        Panels::Selections(texts) => {
+            let panel = |text: &String| {
+                let selection = Selection::parse(text)?;
+                let within = runs.iter().copied().filter(|run| selection.matches(&run.spec));
+                Ok((axis::selection_label(&selection), within.collect()))
+            };
+            texts.iter().map(panel).collect()
         }
     }
 }
 
 impl Curve {
-    fn new(y: &str, log: bool, runs: &[&Run], ablates: bool) -> Self {
-        let finished: Vec<&Recording> = runs.iter().filter_map(|run| run.recording()).collect();
-        let seeds: Vec<_> = finished.iter().map(|recording| seed_values(recording, y)).collect();
-        let OverSeeds { points, gaps, left_out } = OverSeeds::new(&seeds, log);
-        let paper = match y {
-            "return" => Counterpart::of(runs, ablates).value.map(|value| value.mean),
+    fn new(y: &str, figure: &Figure, runs: &[&Run]) -> Self {
+        let all: Vec<Seed<'_>> = runs.iter().filter_map(|run| Seed::of(run)).collect();
+        let seeds = drawn(&all);
+        let averaging =
+            Averaging { log: figure.log_y, band: figure.band, smooth: figure.smooth.map_or(0, |steps| steps.get()) };
+        let OverSeeds { points, raw, singles, gaps, left_out } = OverSeeds::new(&seeds, y, averaging);
+        let paper = match (y, figure.reference.as_deref()) {
+            ("return", Some(reference)) => Counterpart::of(runs, reference == "table5").value.map(|value| value.mean),
             _ => None,
         };
         let tolerance = match y {
             "mmd" | "mmd_after" => {
-                let seeds: Vec<_> = finished.iter().map(|recording| seed_values(recording, "d_k")).collect();
-                OverSeeds::new(&seeds, log).points.iter().map(|point| (point.env_steps, point.mean)).collect()
+                let plain = Averaging { smooth: 0, band: Band::T, ..averaging };
+                let all = OverSeeds::new(&seeds, "d_k", plain).points;
+                all.iter().map(|point| (point.env_steps, point.mean)).collect()
             }
             _ => Vec::new(),
         };
-        Self { points, gaps, left_out, seeds: finished.len(), planned: runs.len(), paper, tolerance }
+        let under_way = seeds.iter().filter_map(|seed| seed.under_way).min();
+        let of = runs.iter().map(|run| run.spec.budget.env_steps.get()).max().unwrap_or(0);
+        Self {
+            points,
+            raw,
+            singles,
+            gaps,
+            left_out,
+            seeds: seeds.len(),
+            planned: runs.len(),
+            under_way: under_way.map(|steps| UnderWay { steps, of }),
+            paper,
+            tolerance,
+        }
     }
 
     /// The points between gaps, in order.
     pub fn stretches(&self) -> impl Iterator<Item = &[Point]> {
-        self.points.chunk_by(|left, right| !self.gaps.iter().any(|gap| (left.env_steps..right.env_steps).contains(gap)))
+        self.points.chunk_by(|left, right| !self.gap_between(left.env_steps, right.env_steps))
+    }
+
+    /// Whether the curve is broken from `left` on before `right`.
+    pub fn gap_between(&self, left: f64, right: f64) -> bool {
+        self.gaps.iter().any(|gap| (left..right).contains(gap))
     }
 
     /// The value of what takes no steps of training, and has one value at all of them.
@@ -165,82 +240,16 @@ impl Curve {
             _ => None,
         }
     }
-}
 
-/// One seed's values over environment steps.
-pub fn seed_values(recording: &Recording, y: &str) -> Vec<(u64, f64)> {
-    if y == "return" {
-        let mut evaluations: BTreeMap<u64, Vec<f64>> = BTreeMap::new();
-        for episode in &recording.evaluations {
-            evaluations.entry(episode.env_steps).or_default().push(episode.dense_return);
-        }
-        return evaluations.into_iter().map(|(env_steps, returns)| (env_steps, mean(&returns))).collect();
+    /// `3 of 5 seeds, to 400k of 1M steps`, of a curve that lacks seeds or steps.
+    pub fn lacking(&self) -> Option<String> {
+        let seeds = (self.seeds < self.planned).then(|| format!("{} of {} seeds", self.seeds, self.planned));
+        let steps = self
+            .under_way
+            .map(|UnderWay { steps, of }| format!("to {} of {} steps", notes::steps(steps), notes::steps(of)));
+        let parts: Vec<String> = seeds.into_iter().chain(steps).collect();
+        (!parts.is_empty()).then(|| parts.join(", "))
     }
-    let (Some(steps), Some(column)) = (recording.progress.get("env_steps"), recording.progress.get(y)) else {
-        return Vec::new();
-    };
-    let rows = steps.iter().zip(column).filter_map(|(&steps, &value)| Some((steps? as u64, value?)));
-    if steps.len() <= BINS {
-        return rows.collect();
-    }
-    let end = steps.iter().flatten().fold(0.0, |end: f64, &steps| end.max(steps));
-    let width = ((end / BINS as f64).ceil() as u64).max(1);
-    let mut bins: BTreeMap<u64, Vec<f64>> = BTreeMap::new();
-    for (steps, value) in rows {
-        bins.entry(steps.saturating_sub(1) / width).or_default().push(value);
-    }
-    bins.into_iter().map(|(bin, values)| (bin * width + width / 2, mean(&values))).collect()
-}
-
-/// The points at which all seeds have a value, and what becomes of the others.
-struct OverSeeds {
-    points: Vec<Point>,
-    gaps: Vec<f64>,
-    left_out: LeftOut,
-}
-
-impl OverSeeds {
-    /// With `log`, statistics are of log10, and a value that is not positive cannot be drawn.
-    fn new(seeds: &[Vec<(u64, f64)>], log: bool) -> Self {
-        let mut values: BTreeMap<u64, Vec<f64>> = BTreeMap::new();
-        for &(env_steps, value) in seeds.iter().flatten() {
-            values.entry(env_steps).or_default().push(value);
-        }
-        let mut all = Self { points: Vec::new(), gaps: Vec::new(), left_out: LeftOut::default() };
-        for (env_steps, mut samples) in values {
-            let env_steps = env_steps as f64;
-            if log && samples.iter().any(|&value| value <= 0.0) {
-                all.left_out.not_positive += 1;
-                all.gaps.push(env_steps);
-                continue;
-            }
-            if log {
-                samples.iter_mut().for_each(|value| *value = value.log10());
-            }
-            // The sum too: finite numbers can have an infinite one.
-            if !samples.iter().sum::<f64>().is_finite() {
-                all.left_out.not_finite += 1;
-                all.gaps.push(env_steps);
-            } else if samples.len() < seeds.len() {
-                all.left_out.absent += 1;
-            } else {
-                all.points.extend(point(env_steps, &samples, log));
-            }
-        }
-        all
-    }
-}
-
-/// The mean of `samples`, one a seed, with its band; back from log10 with `log`.
-fn point(env_steps: f64, samples: &[f64], log: bool) -> Option<Point> {
-    let back = |value: f64| if log { 10_f64.powf(value) } else { value };
-    let interval = t_interval(samples, CONFIDENCE)?;
-    let (low, high) = match samples.len() < SEEDS_FOR_BAND {
-        true => samples.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &x| (a.min(x), b.max(x))),
-        false => (interval.low, interval.high),
-    };
-    let band = (samples.len() > 1).then(|| (back(low), back(high)));
-    Some(Point { env_steps, mean: back(interval.mean), band })
 }
 
 fn y_label(y: &str) -> String {
@@ -270,11 +279,13 @@ mod tests {
     use crate::report::fixture;
 
     fn figure(y: &str, log_y: bool) -> Figure {
-        Figure { name: "f".into(), title: "t".into(), y: y.into(), series: vec!["d".into()], only: None, log_y }
+        let returns = Figure::returns("f", "t".into());
+        Figure { y: y.into(), series: vec!["d".into()], reference: Some("table3".into()), log_y, ..returns }
     }
 
     fn curves(figure: &Figure, runs: &[Run]) -> CurveData {
-        CurveData::new(figure, &runs.iter().collect::<Vec<_>>())
+        let runs: Vec<&Run> = runs.iter().collect();
+        CurveData::new(figure, &runs, &Identities::new(&runs)).expect("selections that are understood")
     }
 
     fn close(left: f64, right: f64) -> bool {
@@ -404,5 +415,44 @@ mod tests {
         assert!(data.panels[0].curves[1].is_none());
         let ppo = data.panels[1].curves[1].as_ref().expect("planned");
         assert_eq!((ppo.seeds, ppo.planned, ppo.points.len()), (0, 1, 0));
+    }
+
+    #[test]
+    fn seeds_under_way_are_averaged_as_far_as_all_that_are_drawn_have_come() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let returns: [(u64, &[f64]); 3] = [(20, &[1.0]), (40, &[2.0]), (60, &[3.0])];
+        let at =
+            |seed, steps| fixture::ppo("Hopper-v2", seed).finished(&returns).progress("kl", &[(20, 0.1), (steps, 0.2)]);
+        fixture::record(&at(0, 100), folder.path());
+        fixture::record_under_way(&at(1, 70), folder.path());
+        fixture::record_under_way(&at(2, 50), folder.path());
+        fixture::record_under_way(&at(3, 5), folder.path());
+        let plan: Vec<_> = (0..5).map(|seed| fixture::ppo("Hopper-v2", seed).spec).collect();
+        let runs = crate::report::load(&plan, folder.path(), true).expect("good ids").runs;
+        let data = curves(&Figure { series: vec!["algorithm".into()], ..figure("return", false) }, &runs);
+        let curve = data.panels[0].curves[0].as_ref().expect("a curve");
+        // 3 seeds to 50 steps make more than 1 to 100, 2 to 70 or 4 to 5.
+        assert_eq!((curve.seeds, curve.under_way), (3, Some(UnderWay { steps: 50, of: 100 })));
+        assert_eq!(curve.points.iter().map(|point| point.env_steps).collect::<Vec<_>>(), [20.0, 40.0]);
+        assert_eq!(
+            (curve.left_out, curve.lacking().as_deref()),
+            (LeftOut::default(), Some("3 of 5 seeds, to 50 of 100 steps"))
+        );
+    }
+
+    #[test]
+    fn panels_are_values_of_an_axis_or_selections_which_may_share_runs() {
+        let run = |d, epsilon| fixture::mcpo("HalfCheetah-v2", d, epsilon, 0).finished(&[(10, &[1.0])]);
+        let runs = [run(1.0, 0.0), run(1e-3, 0.0), run(1e-3, 1e-3)];
+        let titles_and_curves = |panels| {
+            let keys = vec!["d".to_owned(), "epsilon".to_owned()];
+            let data = curves(&Figure { panels, series: keys, ..figure("return", false) }, &runs);
+            let drawn = |panel: &Panel| panel.curves.iter().flatten().count();
+            data.panels.iter().map(|panel| (panel.title.clone(), drawn(panel))).collect::<Vec<_>>()
+        };
+        let selections = Panels::Selections(vec!["epsilon=0".into(), "d=0.001".into()]);
+        assert_eq!(titles_and_curves(selections), [("ε = 0".to_owned(), 2), ("d = 10⁻³".to_owned(), 2)]);
+        let axis = Panels::Axis("d".to_owned());
+        assert_eq!(titles_and_curves(axis), [("d = 1".to_owned(), 1), ("d = 10⁻³".to_owned(), 2)]);
     }
 }

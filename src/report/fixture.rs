@@ -6,7 +6,7 @@ use crate::{
     algo::Update,
     plan::plan,
     quantity::constant,
-    record::{Build, Demonstrated, Executable, Manifest, Outcome, RunPaths, Stamp, rows},
+    record::{Build, Checkpoint, Demonstrated, Executable, Manifest, Outcome, RunPaths, Stamp, rows},
     spec::{self, Overrides},
     train::{EvaluationEpisode, Iteration},
 };
@@ -93,27 +93,45 @@ impl Run {
     }
 }
 
-/// Writes what `run` left under the folder `results`, as the runner does.
-pub fn record(run: &Run, results: &Path) {
+/// Writes under the folder `results` what `run` has come to at its last checkpoint: the rows that it would have finished with.
+pub fn record_under_way(run: &Run, results: &Path) {
     let paths = RunPaths::new(results, &run.spec.experiment, &run.spec.id).expect("a good id");
-    fs::create_dir_all(&paths.complete).expect("made");
-    let spec = serde_json::to_value(&run.spec).expect("a specification serialises");
+    paths.open().expect("made");
+    let recording = run.recording().expect("it has rows");
+    let evaluations =
+        recording.evaluations.iter().zip(0..).map(|(evaluation, episode)| episode_row(evaluation, episode));
+    let (iterations, evaluations) = (iteration_rows(recording), evaluations.collect());
+    let checkpoint = Checkpoint { iterations, evaluations, ..Checkpoint::default() };
+    Manifest::new(stamp(run)).write(&RunPaths::manifest(&paths.partial)).expect("written");
+    checkpoint.write(&RunPaths::checkpoint(&paths.partial), FINGERPRINT).expect("written");
+}
+
+const FINGERPRINT: &str = "f";
+
+fn stamp(run: &Run) -> Stamp {
+    let recording = run.recording().cloned().unwrap_or_default();
     let build = Build {
         program: "0".into(),
         executable: Executable::Recorded(String::new()),
-        versions: run.recording().map(|recording| recording.versions.clone()).unwrap_or_default(),
+        versions: recording.versions,
         cpu_class: String::new(),
         libm: String::new(),
     };
-    let recording = run.recording().cloned().unwrap_or_default();
-    let stamp = Stamp {
-        spec,
-        fingerprint: "f".into(),
+    Stamp {
+        spec: serde_json::to_value(&run.spec).expect("a specification serialises"),
+        fingerprint: FINGERPRINT.into(),
         demonstration: recording.demonstration,
         demonstrated: recording.demonstrated,
         build,
         origin: None,
-    };
+    }
+}
+
+/// Writes what `run` left under the folder `results`, as the runner does.
+pub fn record(run: &Run, results: &Path) {
+    let paths = RunPaths::new(results, &run.spec.experiment, &run.spec.id).expect("a good id");
+    fs::create_dir_all(&paths.complete).expect("made");
+    let stamp = stamp(run);
     let keys = rows::Keys {
         experiment: run.spec.experiment.clone(),
         run: run.spec.id.clone(),

@@ -12,10 +12,13 @@ mod curve;
 mod figure;
 #[cfg(test)]
 mod fixture;
+mod identity;
 mod notes;
+mod over_seeds;
 mod recorded;
 pub mod reference;
 mod scope;
+mod settings;
 mod table;
 mod text;
 mod verdict;

@@ -1,8 +1,9 @@
 //! The runs of an experiment as they lie on the disk.
 //!
 //! Owns what the report takes from the recorded files: final and intermediate returns, and the numeric columns of progress. A
-//! run whose files are damaged, or whose final return is no number, is a run that failed. Knows nothing of figures or tables,
-//! nor of which runs may be averaged, which is `comparable`'s. Start at [`load`].
+//! run whose files are damaged, or whose final return is no number, is a run that failed. Of a run under way, it takes what the
+//! last checkpoint has. Knows nothing of figures or tables, nor of which runs may be averaged, which is `comparable`'s. Start at
+//! [`load`].
 
 use std::{
     cell::OnceCell,
@@ -13,7 +14,7 @@ use std::{
 use super::comparable;
 use crate::{
     plan::{self, RunSpec, Values},
-    record::{Demonstrated, Manifest, Outcome, RecordError, RunPaths, rows},
+    record::{Demonstrated, Manifest, Outcome, RecordError, RunPaths, Stamp, UnderWay, rows},
 };
 
 /// The runs of a plan, as far as they are recorded.
@@ -32,13 +33,20 @@ pub struct Loaded {
 ///
 /// Errors: a run's id leads out of the folder.
 pub fn load(plan: &[RunSpec], results: &Path, progress: bool) -> Result<Loaded, RecordError> {
-    let mut runs = Vec::with_capacity(plan.len());
+    let (mut runs, mut remarks) = (Vec::with_capacity(plan.len()), Vec::new());
     for planned in plan {
         let paths = RunPaths::new(results, &planned.experiment, &planned.id)?;
         let run = load_run(planned, &paths, progress);
-        runs.push(run.unwrap_or_else(|error| Run::new(planned.clone(), State::Failed { error: error.to_string() })));
+        let mut run = run.unwrap_or_else(|error| Run::new(planned.clone(), State::Failed { error: error.to_string() }));
+        if run.state == State::Missing {
+            match under_way(planned, &paths, progress) {
+                Ok(so_far) => run.under_way = so_far,
+                Err(error) => remarks.push(format!("{} is under way and cannot be drawn: {error}", planned.id)),
+            }
+        }
+        runs.push(run);
     }
-    let remarks = comparable::tell_apart(plan, &mut runs);
+    remarks.extend(comparable::tell_apart(plan, &mut runs));
     Ok(Loaded { runs, remarks })
 }
 
@@ -68,24 +76,29 @@ fn load_run(planned: &RunSpec, paths: &RunPaths, progress: bool) -> Result<Run, 
     }
 }
 
+/// What `planned`, which has not ended, has come to; nothing where another specification is under way.
+///
+/// Errors: its files are damaged or of another program.
+fn under_way(planned: &RunSpec, paths: &RunPaths, progress: bool) -> Result<Option<SoFar>, RecordError> {
+    let Some(UnderWay { manifest, iterations, evaluations }) = UnderWay::read(paths)? else { return Ok(None) };
+    let same = plan::recorded(&manifest.stamp.spec)
+        .is_ok_and(|recorded| recorded.budget == planned.budget && comparable::changes(&recorded, planned).is_empty());
+    let Some(last) = iterations.last().filter(|_| same) else { return Ok(None) };
+    let env_steps = last.env_steps;
+    let progress = if progress { rows::numbers(&iterations)? } else { BTreeMap::new() };
+    let evaluations =
+        evaluations.iter().map(|row| Evaluation::new(row.env_steps, row.last, row.dense_return)).collect();
+    Ok(Some(SoFar { env_steps, recording: Recording::new(manifest.stamp, evaluations, progress) }))
+}
+
 /// What a finished run recorded, or why that is no result.
 fn recording(manifest: Manifest, paths: &RunPaths, progress: bool) -> Result<Result<Recording, String>, RecordError> {
     manifest.check_tables(&paths.complete)?;
     let episodes = rows::read_evaluations(&RunPaths::evaluations(&paths.complete))?;
-    let evaluations = episodes.iter().map(|episode| Evaluation {
-        env_steps: episode.env_steps,
-        last: episode.last,
-        dense_return: episode.dense_return,
-    });
+    let evaluations = episodes.iter().map(|row| Evaluation::new(row.env_steps, row.last, row.dense_return)).collect();
     let file = RunPaths::progress(&paths.complete);
     let progress = if progress { rows::read_numbers(&file)? } else { BTreeMap::new() };
-    let recording = Recording {
-        evaluations: evaluations.collect(),
-        progress,
-        demonstration: manifest.stamp.demonstration,
-        demonstrated: manifest.stamp.demonstrated,
-        versions: manifest.stamp.build.versions,
-    };
+    let recording = Recording::new(manifest.stamp, evaluations, progress);
     let returns = recording.final_returns();
     Ok(match returns.iter().find(|value| !value.is_finite()) {
         Some(value) => Err(format!("the return of its final evaluation is {value}")),
@@ -101,6 +114,8 @@ pub struct Run {
     pub spec: RunSpec,
     /// What became of it.
     pub state: State,
+    /// What it has come to, where it has not ended.
+    pub under_way: Option<SoFar>,
     values: Values,
     departures: OnceCell<BTreeSet<String>>,
 }
@@ -122,6 +137,15 @@ pub enum State {
     },
     /// It used its budget.
     Finished(Recording),
+}
+
+/// What a run under way has recorded at its last checkpoint.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SoFar {
+    /// Environment steps that it has taken.
+    pub env_steps: u64,
+    /// What it has recorded until then.
+    pub recording: Recording,
 }
 
 /// What a finished run recorded.
@@ -150,11 +174,17 @@ pub struct Evaluation {
     pub dense_return: f64,
 }
 
+impl Evaluation {
+    fn new(env_steps: u64, last: bool, dense_return: f64) -> Self {
+        Self { env_steps, last, dense_return }
+    }
+}
+
 impl Run {
     /// The run `spec`, of which `state` became.
     pub fn new(spec: RunSpec, state: State) -> Self {
         let values = spec.values();
-        Self { spec, state, values, departures: OnceCell::new() }
+        Self { spec, state, under_way: None, values, departures: OnceCell::new() }
     }
 
     /// What it recorded, if it finished.
@@ -189,6 +219,11 @@ pub fn demonstrated_return(runs: &[&Run]) -> Option<f64> {
 }
 
 impl Recording {
+    fn new(stamp: Stamp, evaluations: Vec<Evaluation>, progress: BTreeMap<String, Vec<Option<f64>>>) -> Self {
+        let Stamp { demonstration, demonstrated, build, .. } = stamp;
+        Self { evaluations, progress, demonstration, demonstrated, versions: build.versions }
+    }
+
     /// Dense returns of the episodes at the end of training.
     pub fn final_returns(&self) -> Vec<f64> {
         self.evaluations.iter().filter(|episode| episode.last).map(|episode| episode.dense_return).collect()
@@ -312,5 +347,30 @@ mod tests {
         }
         let error = parsed("case").expect_err("it holds words");
         assert!(error.contains("`case` holds words; a figure draws numbers"), "{error}");
+    }
+
+    #[test]
+    fn a_run_under_way_is_missing_and_tells_how_far_it_has_come() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let rows =
+            fixture::ppo("Hopper-v2", 0).finished(&[(20, &[1.0, 3.0])]).progress("kl", &[(10, 0.5), (30, f64::NAN)]);
+        fixture::record_under_way(&rows, folder.path());
+        let run = loaded(&rows, folder.path());
+        assert_eq!(run.state, State::Missing);
+        let so_far = run.under_way.expect("rows");
+        assert_eq!((so_far.env_steps, so_far.recording.final_returns().len()), (30, 2));
+        assert_eq!(so_far.recording.progress["env_steps"], [Some(10.0), Some(30.0)]);
+        let kl = &so_far.recording.progress["kl"];
+        assert!(kl[0] == Some(0.5) && kl[1].is_some_and(f64::is_nan), "{kl:?}");
+        let longer = fixture::ppo("Hopper-v2", 0).budget(7);
+        assert_eq!(loaded(&longer, folder.path()).under_way, None, "another specification's");
+        let paths = RunPaths::new(folder.path(), &run.spec.experiment, &run.spec.id).expect("a good id");
+        std::fs::write(RunPaths::checkpoint(&paths.partial), "damaged").expect("written");
+        let loaded = load(&[run.spec], folder.path(), true).expect("a good id");
+        assert!(
+            loaded.runs[0].under_way.is_none() && loaded.remarks[0].contains("cannot be drawn"),
+            "{:?}",
+            loaded.remarks
+        );
     }
 }

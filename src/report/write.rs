@@ -11,12 +11,15 @@ use crate::{
     escape,
     plan::{self, RunSpec, Selection},
     record::{self, RecordError},
-    spec::{ExperimentSpec, Figure, Table},
+    spec::{ExperimentSpec, Figure, STEP, Table, Width},
 };
 
 use super::{
-    ClaimsData, CurveData, ReportError, Scope, TableData, axis, claims, figure, notes,
+    ClaimsData, CurveData, ReportError, Scope, TableData, axis, claims, figure,
+    identity::Identities,
+    notes,
     recorded::{self, Loaded, Run, State},
+    settings::SettingsData,
     text,
 };
 
@@ -49,6 +52,7 @@ pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Wri
     if !home.join("runs").is_dir() {
         return Err(ReportError::NothingRecorded { experiment: spec.name.clone(), results: results.to_owned() });
     }
+    let identities = identities(&plan);
     if let Some(selection) = scope.selection()? {
         let runs = plan.len();
         plan.retain(|run| selection.matches(run));
@@ -70,7 +74,7 @@ pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Wri
     if let Some(claims) = &judged {
         let markdown = text::claims::markdown(claims);
         files.write(CLAIMS, "md", markdown.as_bytes())?;
-        files.write(CLAIMS, "tex", text::claims::latex(claims).as_bytes())?;
+        files.latex(CLAIMS, text::claims::latex(CLAIMS, claims))?;
         files.write(CLAIMS, "csv", &text::claims::csv(claims)?)?;
         body.push_str(&format!("\n#{markdown}"));
     }
@@ -79,21 +83,37 @@ pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Wri
     for (table, data) in tables.iter().zip(&made) {
         let markdown = text::markdown(data);
         files.write(&table.name, "md", markdown.as_bytes())?;
-        files.write(&table.name, "tex", text::latex(data).as_bytes())?;
+        files.latex(&table.name, text::latex(&table.name, data))?;
         files.write(&table.name, "csv", &text::csv(data)?)?;
         files.write(&format!("{}-seeds", table.name), "csv", &text::seeds_csv(data)?)?;
         body.push_str(&format!("\n#{markdown}"));
     }
+    for table in &spec.settings_tables {
+        let data = SettingsData::new(table, &selected(&runs, table.only.as_deref())?);
+        let markdown = text::settings::markdown(&data);
+        files.write(&table.name, "md", markdown.as_bytes())?;
+        files.latex(&table.name, text::settings::latex(&table.name, &data))?;
+        files.write(&table.name, "csv", &text::settings::csv(&data)?)?;
+        body.push_str(&format!("\n#{markdown}"));
+    }
     let mut unknown = BTreeSet::new();
     for figure in &figures {
-        let data = CurveData::new(figure, &selected(&runs, figure.only.as_deref())?);
-        let picture = figure::draw(&data);
+        let (picture, caption) = if figure.y == STEP {
+            (figure::step::draw(figure.width.map(Width::inches))?, String::new())
+        } else {
+            let data = CurveData::new(figure, &selected(&runs, figure.only.as_deref())?, &identities)?;
+            files.write(&format!("{}-curves", figure.name), "csv", &text::curves_csv(&data)?)?;
+            (figure::draw(&data), figure::notes(&data).all())
+        };
         unknown.extend(picture.without_glyph());
         files.write(&figure.name, "png", &picture.png().map_err(ReportError::Draw)?)?;
         files.write(&figure.name, "svg", picture.svg().map_err(ReportError::Draw)?.as_bytes())?;
-        files.write(&format!("{}-curves", figure.name), "csv", &text::curves_csv(&data)?)?;
         let title = escape::markdown(&figure.title);
         body.push_str(&format!("\n## {title}\n\n![{title}]({}.png)\n", figure.name));
+        if figure.width.is_some() {
+            files.write(&figure.name, "pdf", &picture.pdf().map_err(ReportError::Draw)?)?;
+            body.push_str(&format!("\n{}\n", escape::markdown(&caption))); // which print does not have in the picture
+        }
     }
     let mut state = vec![finished(&runs, planned, &untouched)];
     state.extend(scope.heading());
@@ -125,7 +145,7 @@ impl Files {
     /// Where the names are kept, one a line.
     const LIST: &str = ".files";
     /// The files that a report consists of.
-    const EXTENSIONS: [&str; 5] = ["md", "tex", "csv", "png", "svg"];
+    const EXTENSIONS: [&str; 6] = ["md", "tex", "csv", "png", "svg", "pdf"];
 
     fn in_folder(folder: PathBuf) -> Result<Self, RecordError> {
         fs::create_dir_all(&folder).map_err(|source| RecordError::Io {
@@ -141,6 +161,12 @@ impl Files {
         record::write_atomically(&path, bytes)?;
         self.written.push(path);
         Ok(())
+    }
+
+    /// Writes a table for LaTeX: bare, and as a float.
+    fn latex(&mut self, name: &str, [bare, float]: [String; 2]) -> Result<(), ReportError> {
+        self.write(name, "tex", bare.as_bytes())?;
+        self.write(&format!("{name}-float"), "tex", float.as_bytes())
     }
 
     /// Removes what an earlier report left and this one has not written, and keeps the names of what it has.
@@ -173,13 +199,18 @@ fn figures(spec: &ExperimentSpec) -> Vec<Figure> {
         return spec.figures.clone();
     }
     vec![Figure {
-        name: "returns".to_owned(),
-        title: format!("{}: learning curves", spec.name),
-        y: "return".to_owned(),
         series: vec!["algorithm".to_owned()],
-        only: None,
-        log_y: false,
+        reference: Some("table3".to_owned()),
+        ..Figure::returns("returns", format!("{}: learning curves", spec.name))
     }]
+}
+
+/// The looks of the file's series: seeds apart, which have none.
+fn identities(plan: &[RunSpec]) -> Identities {
+    let cells: BTreeMap<&str, &RunSpec> =
+        plan.iter().map(|run| (run.id.rsplit_once('/').map_or(run.id.as_str(), |(cell, _)| cell), run)).collect();
+    let runs: Vec<Run> = cells.into_values().map(|run| Run::new(run.clone(), State::Missing)).collect();
+    Identities::new(&runs.iter().collect::<Vec<_>>())
 }
 
 /// The tables of an experiment; where it has neither figures nor tables, one of all `runs`: algorithms as columns, and as rows
@@ -211,7 +242,7 @@ fn selected<'a>(runs: &'a [Run], only: Option<&str>) -> Result<Vec<&'a Run>, Rep
 /// Takes away the environments of which no run has ended, unless that is so of all, and names them: who asked for one
 /// environment alone gets no empty rows and panels of the others.
 fn leave_out_untouched(runs: &mut Vec<Run>) -> Vec<&'static str> {
-    let ended = |run: &Run| !matches!(run.state, State::Missing);
+    let ended = |run: &Run| !matches!(run.state, State::Missing) || run.under_way.is_some();
     let touched: BTreeSet<EnvId> = runs.iter().filter(|run| ended(run)).map(|run| run.spec.env).collect();
     if touched.is_empty() {
         return Vec::new();
@@ -320,13 +351,16 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         record_some(folder.path());
         let whole = report(&experiment(""), folder.path());
-        let page = fs::read(&whole.files[7]).expect("readable");
+        let page = fs::read(whole.files.last().expect("a page")).expect("readable");
         let of = |only: &str| Scope { only: vec![only.to_owned()], ..Scope::default() };
         let part = write(&experiment(""), folder.path(), &of("algorithm=ppo")).expect("written");
         assert!(part.files[0].ends_with("made-up/report-only-algorithm=ppo/returns.md"), "{:?}", part.files);
         assert!(part.state.starts_with("1 of 2 runs finished.") && part.state.contains("--only algorithm=ppo"));
         assert_eq!(part.tables[0].columns.len(), 1);
-        assert!(fs::read(&whole.files[7]).expect("readable") == page, "the whole report was overwritten");
+        assert!(
+            fs::read(whole.files.last().expect("a page")).expect("readable") == page,
+            "the whole report was overwritten"
+        );
         let error = write(&experiment(""), folder.path(), &of("seed=7")).expect_err("there is no such run");
         assert_eq!(error.to_string(), "made-up: none of the 4 runs match --only seed=7");
     }
@@ -362,7 +396,7 @@ mod tests {
         let start = "1 of 4 runs finished; 2 were recorded with another `mcpo.max_kl`.";
         assert!(written.state.starts_with(start), "{}", written.state);
         assert_eq!(written.state.matches("mcpo.max_kl: 0.005 -> 0.25").count(), 1, "{}", written.state);
-        let curves = fs::read_to_string(&written.files[2]).expect("readable");
+        let curves = fs::read_to_string(&written.files[0]).expect("readable");
         assert!(!curves.contains("mcpo"), "{curves}");
     }
 
@@ -386,9 +420,9 @@ mod tests {
         spec.description = evil.to_owned();
         let written = report(&spec, folder.path());
         assert!(written.state.contains("failed: \\u{1b}[31m|<script> =cmd()"), "{}", written.state);
-        let page = fs::read_to_string(&written.files[7]).expect("readable");
+        let page = fs::read_to_string(written.files.last().expect("a page")).expect("readable");
         assert!(!page.contains('\x1b') && !page.contains("<script>") && page.contains("\\|&lt;script&gt;"), "{page}");
-        let tex = fs::read_to_string(&written.files[1]).expect("readable");
+        let tex = fs::read_to_string(&written.files[2]).expect("readable");
         assert!(!tex.contains('\x1b') && tex.contains("$|$$<$script$>$"), "{tex}");
     }
 

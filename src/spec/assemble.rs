@@ -99,6 +99,7 @@ fn build(
     let figures = list(merged.remove("figures"));
     let tables = list(merged.remove("tables"));
     let claims = list(merged.remove("claims"));
+    let settings_tables = list(merged.remove("settings"));
     let folder = path.parent().unwrap_or(Path::new("")).to_owned();
     // Where nothing else is said, demonstrations lie beside the file that the others extend.
     let mut settings = toml::Table::new();
@@ -116,6 +117,7 @@ fn build(
         figures,
         tables,
         claims,
+        settings_tables,
         folder,
         missing: Vec::new(),
     };

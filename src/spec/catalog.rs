@@ -14,7 +14,7 @@ use toml::{
 };
 
 use super::{
-    Algorithm, Claim, Figure, Settings, Table,
+    Algorithm, Claim, Figure, Settings, SettingsTable, Table,
     names::{date_in_words, plain},
 };
 use crate::{env::EnvId, quantity::constant};
@@ -122,6 +122,7 @@ pub(super) struct Catalog {
     pub(super) figure: Section,
     pub(super) table: Section,
     pub(super) claim: Section,
+    pub(super) settings_table: Section,
     algorithms: Vec<(&'static str, Section)>,
 }
 
@@ -130,9 +131,10 @@ impl Catalog {
     pub(super) fn get() -> &'static Self {
         static CATALOG: LazyLock<Catalog> = LazyLock::new(|| Catalog {
             settings: Section::of(&Settings::defaults(EnvId::HalfCheetah, "ppo", constant(1))),
-            figure: Section::of(&Figure::specimen()),
+            figure: Section::of(&Figure::returns("figure", "Figure".to_owned())),
             table: Section::of(&Table::specimen()),
             claim: Section::of(&Claim::specimen()),
+            settings_table: Section::of(&SettingsTable::specimen()),
             algorithms: Algorithm::names()
                 .filter_map(|name| Some((name, Section::algorithm(&Algorithm::defaults(name, EnvId::HalfCheetah)?))))
                 .collect(),

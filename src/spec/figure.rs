@@ -2,26 +2,44 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::algo::Update;
+use super::{Band, Panels, Width};
+use crate::{algo::Update, quantity::EnvSteps};
 
-/// `[[figures]]`: learning curves, one panel an environment.
+/// `[[figures]]`: learning curves in panels.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Figure {
     /// File name without extension.
     pub name: String,
-    /// Title above the panels.
+    /// Title above the panels; a figure for print has none, since its caption says it.
     pub title: String,
-    /// What is drawn: `return` (evaluations, dense), `training_return` or a column of `progress.parquet`.
+    /// What is drawn: `return` (evaluations, dense), `training_return` or a column of `progress.parquet`; or `step`, the sketch of
+    /// one step of MCPO, which needs no run.
     pub y: String,
     /// Axes whose values make one curve each, such as `["d"]`.
     pub series: Vec<String>,
+    /// An axis whose values make one panel each, or a list of selections, as for `--only`, one panel each; an environment each
+    /// when absent.
+    #[serde(default)]
+    pub panels: Panels,
     /// Runs that are drawn, as for `--only`; all when absent.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub only: Option<String>,
+    /// The paper's table whose values are marked: `table3`, `table4` or `table5`.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub reference: Option<String>,
     /// Whether the y axis is logarithmic.
     #[serde(default)]
     pub log_y: bool,
+    /// The width in print: `column` (3.25 inches), `text` (5.5), `full` (7) or a number of inches; for the screen when absent.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub width: Option<Width>,
+    /// What is drawn of a curve's seeds: `t` (95 % Student t interval), `std`, `bootstrap` (95 %) or `seeds`.
+    #[serde(default)]
+    pub band: Band,
+    /// Environment steps over which each seed is averaged, its raw curve behind it; not at all when absent.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub smooth: Option<EnvSteps>,
 }
 
 /// `[[tables]]`: returns at the end of training beside the paper's.
@@ -43,6 +61,30 @@ pub struct Table {
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub reference: Option<String>,
 }
+
+/// `[[settings]]`: what was set, from the specifications as they were resolved.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SettingsTable {
+    /// File name without extension.
+    pub name: String,
+    /// Title above the table.
+    pub title: String,
+    /// What is shown: parameters, and `observations`, `actions` and `trajectories` of the environment and its demonstration.
+    pub show: Vec<String>,
+    /// Axes whose values make one row each, a column being a parameter; one row a parameter when absent.
+    #[serde(default)]
+    pub rows: Vec<String>,
+    /// Runs that count, as for `--only`; all when absent.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub only: Option<String>,
+}
+
+/// What a table of settings can show beside parameters.
+pub(super) const OF_ENVIRONMENTS: [&str; 3] = ["observations", "actions", "trajectories"];
+
+/// What a figure can draw without any run: one step of MCPO, as in the paper's Figure 1.
+pub const STEP: &str = "step";
 
 /// The paper's tables that a table can be compared with.
 pub(super) const REFERENCES: [&str; 3] = ["table3", "table4", "table5"];
@@ -74,14 +116,33 @@ pub(super) fn columns() -> Vec<&'static str> {
             .map(|(key, _)| key.clone())
             .collect()
     });
-    std::iter::once("return").chain(ROLLOUT_COLUMNS).chain(UPDATE.iter().map(String::as_str)).collect()
+    ["return", STEP].into_iter().chain(ROLLOUT_COLUMNS).chain(UPDATE.iter().map(String::as_str)).collect()
 }
 
 impl Figure {
-    /// A valid figure.
+    /// The figure `name` of the dense return in each environment.
+    pub fn returns(name: &str, title: String) -> Self {
+        Self {
+            name: name.to_owned(),
+            title,
+            y: "return".to_owned(),
+            series: Vec::new(),
+            panels: Panels::default(),
+            only: None,
+            reference: None,
+            log_y: false,
+            width: None,
+            band: Band::default(),
+            smooth: None,
+        }
+    }
+}
+
+impl SettingsTable {
+    /// A valid table.
     pub(super) fn specimen() -> Self {
-        let (name, title, y) = ("figure".into(), "Figure".into(), "return".into());
-        Self { name, title, y, series: vec![], only: None, log_y: false }
+        let (name, title) = ("settings".into(), "Settings".into());
+        Self { name, title, show: vec![], rows: vec![], only: None }
     }
 }
 

@@ -9,6 +9,7 @@ mod catalog;
 mod check;
 mod claim;
 mod cross;
+mod drawn;
 mod error;
 mod figure;
 mod layers;
@@ -27,8 +28,9 @@ use std::{
 
 pub use algorithm::Algorithm;
 pub use claim::{Claim, Environments, Part, Relation};
+pub use drawn::{Band, Panels, Width};
 pub use error::{Place, SpecError, SpecErrors};
-pub use figure::{Figure, Table};
+pub use figure::{Figure, STEP, SettingsTable, Table};
 pub(crate) use parameter::{Kind, Parameter};
 pub use resolve::ResolveError;
 pub use schema::schema;
@@ -62,6 +64,8 @@ pub struct ExperimentSpec {
     pub tables: Vec<Table>,
     /// `[[claims]]`.
     pub claims: Vec<Claim>,
+    /// `[[settings]]`.
+    pub settings_tables: Vec<SettingsTable>,
     /// The folder of the file.
     pub folder: PathBuf,
     /// Demonstrations that are not there.

@@ -41,9 +41,11 @@ pub fn schema() -> Value {
     file.insert("matrix".into(), list("Blocks; every combination of a block's lists is one run", block()));
     file.insert("algorithms".into(), algorithms);
     file.insert("environments".into(), environments);
-    for (key, what, section) in
-        [("figures", "Learning curves", &catalog.figure), ("tables", "Tables of returns", &catalog.table)]
-    {
+    for (key, what, section) in [
+        ("figures", "Learning curves", &catalog.figure),
+        ("tables", "Tables of returns", &catalog.table),
+        ("settings", "Tables of what was set", &catalog.settings_table),
+    ] {
         let mut element = section.schema(&[]).cloned().unwrap_or_default();
         let fields = &mut element["properties"];
         fields["name"] = name("File name without extension");
@@ -52,9 +54,13 @@ pub fn schema() -> Value {
         {
             fields.get_mut(field).into_iter().for_each(|schema| one_of(schema, &names));
         }
-        for field in ["series", "rows"] {
+        if let Some(axis) = fields.get_mut("panels").and_then(|panels| panels["anyOf"].get_mut(0)) {
+            one_of(axis, &dimensions());
+        }
+        let shown: Vec<&str> = figure::OF_ENVIRONMENTS.into_iter().chain(parameters()).collect();
+        for (field, names) in [("series", dimensions()), ("rows", dimensions()), ("show", shown)] {
             let items = fields.get_mut(field).and_then(|list| list.get_mut("items"));
-            items.into_iter().for_each(|schema| one_of(schema, &dimensions()));
+            items.into_iter().for_each(|schema| one_of(schema, &names));
         }
         file.insert(key.into(), list(what, element));
     }
@@ -121,8 +127,13 @@ fn value(name: &str) -> Option<Value> {
 
 /// What runs can be told apart by.
 fn dimensions() -> Vec<&'static str> {
+    BLOCK_KEYS.into_iter().chain(parameters()).collect()
+}
+
+/// The names of all parameters.
+fn parameters() -> impl Iterator<Item = &'static str> {
     static NAMES: LazyLock<Vec<String>> = LazyLock::new(Parameter::names);
-    BLOCK_KEYS.into_iter().chain(NAMES.iter().map(String::as_str)).collect()
+    NAMES.iter().map(String::as_str)
 }
 
 /// Lets `schema`, of a text, have these values alone.

@@ -22,6 +22,7 @@ const RIGHT: f64 = WIDTH - 16.0;
 const PANEL: f64 = 78.0;
 const GAP: f64 = 24.0;
 const SIZE: f64 = 10.0;
+const DPI: u32 = 144;
 const LIGHT: Color = [0xc8, 0xc8, 0xc8];
 
 /// One quantity over the steps of each episode.
@@ -49,7 +50,7 @@ pub fn picture(title: &str, demonstration: &Demonstration, rewards: Option<&Rewa
         height += SIZE * 1.5;
         shapes.push(text(&note, (LEFT, height), Anchor::Start, SIZE));
     }
-    Picture { width: WIDTH, height: height + SIZE, shapes }
+    Picture { width: WIDTH, height: height + SIZE, dpi: DPI, shapes }
 }
 
 /// Returns first, then actions.

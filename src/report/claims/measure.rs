@@ -2,7 +2,8 @@
 
 use crate::{
     report::{
-        curve::{mean, seed_values},
+        curve::mean,
+        over_seeds::seed_values,
         recorded::{Recording, Run},
     },
     spec::{Claim, Part, Relation},

@@ -1,11 +1,11 @@
 //! One panel: its axes, and the curves in them.
 
 use super::{
-    fit,
+    look::{self, BAND, Look},
     picture::{Anchor, Shape, text_width},
-    style::{self, BAND, BLACK, GREY, LIGHT, Look, SIZE, TICK_SIZE},
-    text,
+    style::{BLACK, GREY, LIGHT, Sheet},
     ticks::{Scale, Tick},
+    words::{fit, text},
 };
 use crate::report::curve::{Curve, CurveData, Panel, Point};
 
@@ -55,55 +55,71 @@ impl Axes {
 /// Points of the page that a line leads through.
 type Path = Vec<(f64, f64)>;
 
-/// Distance of the markers of a curve.
-const MARKER_DISTANCE: f64 = 50.0;
-/// The dashes of the paper's values, to the right of the axes.
+/// The dashes of the paper's values, to the right of the axes, at the screen's size.
 pub const GUTTER: f64 = 16.0;
-/// What a panel has above and below its axes.
-const HEAD: f64 = 18.0;
-const FOOT: f64 = 24.0;
+
+/// What a panel has above its axes: its title.
+fn head(sheet: &Sheet) -> f64 {
+    1.64 * sheet.text
+}
+
+/// What a panel has below its axes: the labels of their ticks.
+fn foot(sheet: &Sheet) -> f64 {
+    1.1 * sheet.tick + sheet.scaled(10.0)
+}
+
+/// What hangs below a panel whose x axis is named.
+pub fn below(sheet: &Sheet) -> f64 {
+    1.4 * sheet.text
+}
+
+/// The height of a panel whose axes are `axes` high.
+pub fn height(sheet: &Sheet, axes: f64) -> f64 {
+    head(sheet) + axes + foot(sheet)
+}
 
 /// The room that the labels of a panel's y axis take.
-pub fn label_width(data: &CurveData, panel: &Panel, height: f64) -> f64 {
-    let ticks = y_scale(data, panel).ticks(wanted(height));
-    ticks.iter().map(|tick| text_width(&tick.label, TICK_SIZE)).fold(12.0, f64::max)
+pub fn label_width(data: &CurveData, panel: &Panel, sheet: &Sheet, height: f64) -> f64 {
+    let ticks = y_scale(data, panel).ticks(wanted(sheet, height));
+    ticks.iter().map(|tick| text_width(&tick.label, sheet.tick)).fold(sheet.scaled(12.0), f64::max)
 }
 
 /// Labels of the y axis in a panel of `height`, about.
-fn wanted(height: f64) -> usize {
-    ((height - HEAD - FOOT) / 26.0) as usize
+fn wanted(sheet: &Sheet, height: f64) -> usize {
+    ((height - head(sheet) - foot(sheet)) / (2.3 * sheet.tick)) as usize
 }
 
-/// The shapes of `panel` in `frame`.
-pub fn draw(data: &CurveData, panel: &Panel, frame: Frame) -> Vec<Shape> {
+/// The shapes of `panel`, under `title`, in `frame`.
+pub fn draw(data: &CurveData, panel: &Panel, title: &str, sheet: &Sheet, frame: Frame) -> Vec<Shape> {
     let curves: Vec<(usize, &Curve)> =
         panel.curves.iter().enumerate().filter_map(|(index, curve)| Some((index, curve.as_ref()?))).collect();
     let end = curves.iter().flat_map(|(_, curve)| &curve.points).map(|point| point.env_steps).fold(0.0, f64::max);
     // On whole points, so that all frames' lines look alike.
     let axes = Axes {
-        left: (frame.left + frame.labels + 10.0).round(),
-        right: (frame.left + frame.width - frame.gutter - 8.0).round(),
-        top: (frame.top + HEAD).round(),
-        bottom: (frame.top + frame.height - FOOT).round(),
+        left: (frame.left + frame.labels + sheet.scaled(10.0)).round(),
+        right: (frame.left + frame.width - frame.gutter - sheet.scaled(8.0)).round(),
+        top: (frame.top + head(sheet)).round(),
+        bottom: (frame.top + frame.height - foot(sheet)).round(),
         x: Scale { low: 0.0, high: if end > 0.0 { end * 1.02 } else { 1.0 }, log: false },
         y: y_scale(data, panel),
     };
     let mut shapes = Vec::new();
     let middle = (axes.left + axes.right) / 2.0;
-    let title = fit(&panel.title, SIZE, 2.0 * (middle - frame.left).min(frame.left + frame.width - middle) - 4.0);
-    shapes.push(Shape::Text(text(&title, (middle, axes.top - 5.0), Anchor::Middle, SIZE, BLACK)));
+    let room = 2.0 * (middle - frame.left).min(frame.left + frame.width - middle) - sheet.scaled(4.0);
+    let at = (middle, axes.top - sheet.scaled(5.0));
+    shapes.push(Shape::Text(text(&fit(title, sheet.text, room), at, Anchor::Middle, sheet.text, BLACK)));
     if curves.iter().all(|(_, curve)| curve.points.is_empty()) {
         let at = (middle, (axes.top + axes.bottom) / 2.0);
-        shapes.push(Shape::Text(text(&why_empty(data, &curves), at, Anchor::Middle, SIZE, GREY)));
+        shapes.push(Shape::Text(text(&why_empty(data, &curves), at, Anchor::Middle, sheet.text, GREY)));
     } else {
-        let x_ticks = axes.x.step_ticks(((axes.right - axes.left) / 45.0) as usize);
-        shapes.extend(grid(&axes, &x_ticks, &axes.y.ticks(wanted(frame.height))));
-        shapes.extend(lines(panel, &curves, &axes));
+        let x_ticks = axes.x.step_ticks(((axes.right - axes.left) / (4.7 * sheet.tick)) as usize);
+        shapes.extend(grid(sheet, &axes, &x_ticks, &axes.y.ticks(wanted(sheet, frame.height))));
+        shapes.extend(lines(data, panel, sheet, &axes));
     }
-    shapes.extend(outline(&axes));
+    shapes.extend(outline(sheet, &axes));
     if frame.x_label {
-        let at = (middle, axes.bottom + TICK_SIZE * 1.3 + SIZE * 1.35);
-        shapes.push(Shape::Text(text("environment steps", at, Anchor::Middle, SIZE, BLACK)));
+        let at = (middle, axes.bottom + 1.1 * sheet.tick + sheet.scaled(2.0) + 1.35 * sheet.text);
+        shapes.push(Shape::Text(text("environment steps", at, Anchor::Middle, sheet.text, BLACK)));
     }
     shapes
 }
@@ -127,7 +143,9 @@ fn y_scale(data: &CurveData, panel: &Panel) -> Scale {
     let values = curves()
         .flat_map(|curve| {
             let means = curve.points.iter().map(|point| point.mean);
-            means.chain(curve.paper).chain(curve.tolerance.iter().map(|point| point.1))
+            let singles = curve.singles.iter().flatten().map(|point| point.1);
+            let raw = curve.raw.iter().map(|point| point.1);
+            means.chain(singles).chain(raw).chain(curve.paper).chain(curve.tolerance.iter().map(|point| point.1))
         })
         .chain(panel.demo);
     let inner = Scale::around(values, data.log_y);
@@ -140,80 +158,106 @@ fn y_scale(data: &CurveData, panel: &Panel) -> Scale {
     inner.stretched(low, high)
 }
 
-fn grid(axes: &Axes, x_ticks: &[Tick], y_ticks: &[Tick]) -> Vec<Shape> {
+fn grid(sheet: &Sheet, axes: &Axes, x_ticks: &[Tick], y_ticks: &[Tick]) -> Vec<Shape> {
     let mut shapes = Vec::new();
     let mut line = |points: [(f64, f64); 2], color| {
-        shapes.push(Shape::Line { points: points.to_vec(), width: 0.6, color });
+        shapes.push(Shape::Line { points: points.to_vec(), width: sheet.frame, color });
     };
+    let (long, short, gap) = (sheet.scaled(3.0), sheet.scaled(2.0), sheet.scaled(5.0));
     for tick in y_ticks {
         let y = axes.height_of(tick.at);
         if tick.label.is_empty() {
-            line([(axes.left, y), (axes.left + 2.0, y)], BLACK);
+            line([(axes.left, y), (axes.left + short, y)], BLACK);
         } else {
             line([(axes.left, y), (axes.right, y)], LIGHT);
-            line([(axes.left - 3.0, y), (axes.left, y)], BLACK);
+            line([(axes.left - long, y), (axes.left, y)], BLACK);
         }
     }
     for tick in x_ticks {
         let x = axes.at(tick.at, 0.0).0;
-        line([(x, axes.bottom), (x, axes.bottom + 3.0)], BLACK);
+        line([(x, axes.bottom), (x, axes.bottom + long)], BLACK);
     }
     for tick in y_ticks.iter().filter(|tick| !tick.label.is_empty()) {
-        let at = (axes.left - 5.0, axes.height_of(tick.at) + 0.36 * TICK_SIZE);
-        shapes.push(Shape::Text(text(&tick.label, at, Anchor::End, TICK_SIZE, BLACK)));
+        let at = (axes.left - gap, axes.height_of(tick.at) + 0.36 * sheet.tick);
+        shapes.push(Shape::Text(text(&tick.label, at, Anchor::End, sheet.tick, BLACK)));
     }
     for tick in x_ticks {
-        let at = (axes.at(tick.at, 0.0).0, axes.bottom + 4.0 + TICK_SIZE);
-        shapes.push(Shape::Text(text(&tick.label, at, Anchor::Middle, TICK_SIZE, BLACK)));
+        let at = (axes.at(tick.at, 0.0).0, axes.bottom + sheet.scaled(4.0) + sheet.tick);
+        shapes.push(Shape::Text(text(&tick.label, at, Anchor::Middle, sheet.tick, BLACK)));
     }
     shapes
 }
 
-fn outline(axes: &Axes) -> [Shape; 1] {
+fn outline(sheet: &Sheet, axes: &Axes) -> [Shape; 1] {
     let Axes { left, right, top, bottom, .. } = *axes;
     // Once around and a little further, so that the corner where it begins is a joint too.
     let points = vec![(left, top), (right, top), (right, bottom), (left, bottom), (left, top), (right, top)];
-    [Shape::Line { points, width: 0.75, color: BLACK }]
+    [Shape::Line { points, width: 1.1 * sheet.frame, color: BLACK }]
 }
 
-/// From the back to the front: bands, the demonstration, tolerances, curves, markers, the paper's values.
-fn lines(panel: &Panel, curves: &[(usize, &Curve)], axes: &Axes) -> Vec<Shape> {
+/// From the back to the front: bands, single seeds, what was smoothed, the demonstration, tolerances, curves, markers, the paper's
+/// values.
+fn lines(data: &CurveData, panel: &Panel, sheet: &Sheet, axes: &Axes) -> Vec<Shape> {
+    let looks = data.looks.iter().zip(&panel.curves);
+    let curves: Vec<(usize, &Curve)> = looks.filter_map(|(&look, curve)| Some((look, curve.as_ref()?))).collect();
     let mut shapes = Vec::new();
-    for (index, curve) in curves {
-        shapes.extend(band(*index, curve, axes));
+    for (look, curve) in &curves {
+        shapes.extend(band(*look, curve, axes));
+    }
+    for (look, curve) in &curves {
+        shapes.extend(faint(*look, curve, sheet, axes));
     }
     if let Some(demo) = panel.demo {
         let y = axes.height_of(demo);
-        shapes.extend(Look::Demo.line(&[(axes.left, y), (axes.right, y)], GREY));
+        shapes.extend(Look::Demo.line(sheet, &[(axes.left, y), (axes.right, y)], GREY));
     }
-    for (index, curve) in curves.iter().filter(|(_, curve)| curve.tolerance.len() > 1) {
+    for (look, curve) in curves.iter().filter(|(_, curve)| curve.tolerance.len() > 1) {
         let points: Vec<_> = curve.tolerance.iter().map(|&(x, y)| axes.at(x, y)).collect();
-        shapes.extend(Look::Tolerance.line(&points, style::color(*index)));
+        shapes.extend(Look::Tolerance.line(sheet, &points, look::color(*look)));
     }
-    let count = ((axes.right - axes.left) / MARKER_DISTANCE) as usize;
+    let count = markers(axes);
     let paths: Vec<(usize, Vec<Path>)> =
-        curves.iter().map(|(index, curve)| (*index, stretches(curve, axes, count))).collect();
-    for (index, stretch) in paths.iter().flat_map(|(index, path)| path.iter().map(move |stretch| (*index, stretch))) {
+        curves.iter().map(|(look, curve)| (*look, stretches(curve, axes, count))).collect();
+    for (look, stretch) in paths.iter().flat_map(|(look, path)| path.iter().map(move |stretch| (*look, stretch))) {
         match stretch.as_slice() {
-            [alone] => shapes.push(style::dot(index, *alone)),
-            _ => shapes.extend(Look::Series(index).line(stretch, BLACK)),
+            [alone] => shapes.push(look::dot(sheet, look, *alone)),
+            _ => shapes.extend(Look::Series(look).line(sheet, stretch, BLACK)),
         }
     }
-    for (turn, (index, path)) in paths.iter().enumerate() {
+    for (turn, (look, path)) in paths.iter().enumerate() {
         let drawn = |at: &(f64, f64)| {
             let over = |stretch: &Path| Some(stretch.first()?.0 <= at.0 && at.0 <= stretch.last()?.0);
             path.iter().any(|stretch| over(stretch) == Some(true))
         };
         let marks = marked(&path.concat(), count, turn as f64 / paths.len() as f64);
-        shapes.extend(marks.into_iter().filter(drawn).flat_map(|at| style::marker(*index, at)));
+        shapes.extend(marks.into_iter().filter(drawn).flat_map(|at| look::marker(sheet, *look, at)));
     }
-    for (index, curve) in curves {
+    for (look, curve) in &curves {
         if let Some(paper) = curve.paper {
-            let y = axes.height_of(paper);
-            shapes.extend(Look::Paper.line(&[(axes.right + 2.0, y), (axes.right + GUTTER, y)], style::color(*index)));
+            let (y, gap) = (axes.height_of(paper), sheet.scaled(2.0));
+            let points = [(axes.right + gap, y), (axes.right + sheet.scaled(GUTTER), y)];
+            shapes.extend(Look::Paper.line(sheet, &points, look::color(*look)));
         }
     }
     shapes
+}
+
+/// How many markers a curve gets: enough to tell it, not to hide it.
+fn markers(axes: &Axes) -> usize {
+    if axes.right - axes.left < 120.0 { 2 } else { 3 }
+}
+
+/// The lines of single seeds, and of the mean before it was smoothed.
+fn faint(look: usize, curve: &Curve, sheet: &Sheet, axes: &Axes) -> Vec<Shape> {
+    let stretches = curve.singles.iter().chain([&curve.raw]).flat_map(|line| {
+        line.chunk_by(|left, right| !curve.gap_between(left.0, right.0)).filter(|stretch| stretch.len() > 1)
+    });
+    let line = |stretch: &[(f64, f64)]| Shape::Line {
+        points: stretch.iter().map(|&(x, y)| axes.at(x, y)).collect(),
+        width: 0.5 * sheet.curve,
+        color: look::faint(look),
+    };
+    stretches.map(line).collect()
 }
 
 /// The lines of a curve: its stretches between gaps; of one that does not train, a level line from side to side, of more
@@ -229,8 +273,8 @@ fn stretches(curve: &Curve, axes: &Axes, markers: usize) -> Vec<Path> {
 }
 
 /// The band of a curve; an error bar where a stretch of it is one point.
-fn band(index: usize, curve: &Curve, axes: &Axes) -> Vec<Shape> {
-    let color = style::color(index);
+fn band(look: usize, curve: &Curve, axes: &Axes) -> Vec<Shape> {
+    let color = look::color(look);
     if let Some((low, high)) = curve.level().and_then(|level| level.band) {
         let (low, high) = (axes.height_of(low), axes.height_of(high));
         let points = vec![(axes.left, low), (axes.right, low), (axes.right, high), (axes.left, high)];

@@ -15,18 +15,46 @@ use plotters::{
     },
 };
 
-/// Pixels of a PNG to a point.
-const PIXELS: u32 = 2;
 /// Every pixel of a PNG is the mean of so many squared.
 const SAMPLES: u32 = 2;
 /// An SVG's coordinates are whole numbers, so many to a point.
 const SVG_UNITS: u32 = 20;
+/// Points to an inch.
+const INCH: f64 = 72.0;
 /// What an SVG asks its reader for, the embedded font first.
 const SVG_FONT: &str = "DejaVu Sans, Verdana, sans-serif";
 
-static FONT: LazyLock<FontRef<'static>> = LazyLock::new(|| {
-    FontRef::try_from_slice(include_bytes!("font/DejaVuSans.ttf")).expect("the embedded font is checked by the tests")
-});
+/// The font of all text.
+pub const FONT_FILE: &[u8] = include_bytes!("font/DejaVuSans.ttf");
+
+static FONT: LazyLock<FontRef<'static>> =
+    LazyLock::new(|| FontRef::try_from_slice(FONT_FILE).expect("the embedded font is checked by the tests"));
+
+/// What the font measures, in ems.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Metrics {
+    /// Above the base line.
+    pub ascent: f32,
+    /// Below the base line, so less than 0.
+    pub descent: f32,
+    /// The height of a capital letter.
+    pub cap_height: f32,
+    em: f32,
+}
+
+impl Metrics {
+    /// The advance of the glyph with this number.
+    pub fn advance(&self, glyph: u16) -> f32 {
+        FONT.h_advance_unscaled(ab_glyph::GlyphId(glyph)) / self.em
+    }
+}
+
+/// The font's.
+pub fn metrics() -> Metrics {
+    let em = FONT.units_per_em().unwrap_or(2048.0);
+    let (ascent, descent) = (FONT.ascent_unscaled() / em, FONT.descent_unscaled() / em);
+    Metrics { ascent, descent, cap_height: 0.729, em } // the height of its H
+}
 
 /// Red, green, blue.
 pub type Color = [u8; 3];
@@ -38,6 +66,8 @@ pub struct Picture {
     pub width: f64,
     /// Height, points.
     pub height: f64,
+    /// Pixels of its PNG to an inch.
+    pub dpi: u32,
     /// From the back to the front.
     pub shapes: Vec<Shape>,
 }
@@ -101,7 +131,7 @@ pub fn text_width(text: &str, size: f64) -> f64 {
 }
 
 /// The glyphs of `text` with the x of their origins, and the width of all.
-fn glyphs(text: &str, size: f32) -> (Vec<(ab_glyph::GlyphId, f32)>, f32) {
+pub fn glyphs(text: &str, size: f32) -> (Vec<(ab_glyph::GlyphId, f32)>, f32) {
     let font = FONT.as_scaled(scale(size));
     let (mut glyphs, mut x, mut previous) = (Vec::new(), 0.0, None);
     for character in text.chars() {
@@ -120,19 +150,21 @@ fn scale(size: f32) -> PxScale {
 }
 
 impl Picture {
-    /// The picture as a PNG of [`PIXELS`] to a point.
+    /// The picture as a PNG of its `dpi`, which the file says.
     ///
-    /// Errors: the folder for temporary files cannot be written.
+    /// Errors: none that the encoder gives for a buffer in memory.
     pub fn png(&self) -> io::Result<Vec<u8>> {
-        let fine = PIXELS * SAMPLES;
-        let size = self.size(fine);
+        let fine = f64::from(self.dpi * SAMPLES) / INCH;
+        let size =
+            [self.width, self.height].map(|points| (points * f64::from(self.dpi) / INCH).ceil() as u32 * SAMPLES);
+        let size = (size[0], size[1]);
         let mut pixels = vec![255; (size.0 * size.1 * 3) as usize];
         let mut bitmap = BitMapBackend::with_buffer(&mut pixels, size);
         for shape in &self.shapes {
-            draw_pixels(&mut bitmap, shape, f64::from(fine))?;
+            draw_pixels(&mut bitmap, shape, fine)?;
         }
         drop(bitmap);
-        encode(&coarser(&pixels, size), (size.0 / SAMPLES, size.1 / SAMPLES))
+        encode(&coarser(&pixels, size), (size.0 / SAMPLES, size.1 / SAMPLES), self.dpi)
     }
 
     /// The picture as an SVG; its text stays text.
@@ -279,12 +311,17 @@ fn coarser(pixels: &[u8], (width, height): (u32, u32)) -> Vec<u8> {
     coarse
 }
 
-/// The PNG of RGB pixels. plotters encodes into files only, so it goes through one.
-fn encode(pixels: &[u8], size: (u32, u32)) -> io::Result<Vec<u8>> {
-    let file = tempfile::Builder::new().suffix(".png").tempfile()?;
-    let mut backend = BitMapBackend::new(file.path(), size);
-    backend.blit_bitmap((0, 0), size, pixels).map_err(io::Error::other)?;
-    backend.present().map_err(io::Error::other)?;
-    drop(backend);
-    std::fs::read(file.path())
+/// The PNG of RGB pixels, so many to an inch.
+fn encode(pixels: &[u8], (width, height): (u32, u32), dpi: u32) -> io::Result<Vec<u8>> {
+    let to_the_metre = (f64::from(dpi) / 0.0254).round() as u32;
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, width, height);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    let (xppu, yppu) = (to_the_metre, to_the_metre);
+    encoder.set_pixel_dims(Some(png::PixelDimensions { xppu, yppu, unit: png::Unit::Meter }));
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(pixels)?;
+    writer.finish()?;
+    Ok(bytes)
 }

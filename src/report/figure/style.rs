@@ -1,15 +1,6 @@
-//! How things look: colours, markers, dashes and sizes.
+//! What a figure is drawn for: sizes, widths and colours.
 
-use super::picture::{Color, Shape};
-
-/// Labels of axes and the legend, points.
-pub const SIZE: f64 = 11.0;
-/// Labels of ticks.
-pub const TICK_SIZE: f64 = 9.5;
-/// The figure's title.
-pub const TITLE_SIZE: f64 = 13.0;
-/// The notes below the legend.
-pub const NOTE_SIZE: f64 = 8.5;
+use super::picture::Color;
 
 /// Text and frames.
 pub const BLACK: Color = [0x20, 0x20, 0x20];
@@ -35,212 +26,71 @@ pub const PALETTE: [Color; 12] = [
     [0xa0, 0xa0, 0xa0],
 ];
 
-/// Breadth of a curve.
-pub const CURVE: f64 = 1.5;
-/// Opacity of a band.
-pub const BAND: f64 = 0.16;
+/// Points to an inch.
+const INCH: f64 = 72.0;
 
-/// Dash and gap, in turn, of curves in each round of the palette; the last is for all that follow.
-const ROUNDS: [&[f64]; 4] = [&[], &[7.0, 2.5], &[9.0, 2.0, 2.0, 2.0], &[3.0, 2.0]];
-const PAPER: [f64; 2] = [4.0, 2.0];
-const DEMO: [f64; 2] = [1.5, 2.5];
-const TOLERANCE: [f64; 2] = [1.5, 1.8];
-
-/// A kind of line that the legend explains.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Look {
-    /// The curve of the series with this index.
-    Series(usize),
-    /// The paper's value, in its series' colour.
-    Paper,
-    /// The demonstration's return.
-    Demo,
-    /// The tolerance of a series.
-    Tolerance,
+/// What a figure is drawn for, all lengths in points.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sheet {
+    /// Whether for print: without a title and with what a caption says left to it, panels with letters.
+    pub print: bool,
+    /// Its width; of a figure for the screen, that of three panels.
+    pub width: f64,
+    /// Around everything.
+    pub margin: f64,
+    /// Labels of axes and the legend.
+    pub text: f64,
+    /// Labels of ticks.
+    pub tick: f64,
+    /// The title.
+    pub title: f64,
+    /// The notes below the legend.
+    pub note: f64,
+    /// Breadth of a curve.
+    pub curve: f64,
+    /// Radius of a marker.
+    pub marker: f64,
+    /// Breadth of a frame and its ticks.
+    pub frame: f64,
+    /// Pixels of a PNG to an inch.
+    pub dpi: u32,
 }
 
-impl Look {
-    /// Its line from `at` to the right, as the legend shows it.
-    pub fn key(self, at: (f64, f64), width: f64) -> Vec<Shape> {
-        let points = [at, (at.0 + width, at.1)];
-        let mut shapes = self.line(&points, GREY);
-        if let Self::Series(index) = self {
-            shapes.extend(marker(index, (at.0 + width / 2.0, at.1)));
-        }
-        shapes
-    }
-
-    /// Its line through `points`; `color` where the look has none of its own.
-    pub fn line(self, points: &[(f64, f64)], color: Color) -> Vec<Shape> {
-        let (width, color, pattern): (f64, Color, &[f64]) = match self {
-            Self::Series(index) => (CURVE, self::color(index), ROUNDS[round(index).min(ROUNDS.len() - 1)]),
-            Self::Paper => (1.6, color, &PAPER),
-            Self::Demo => (1.1, GREY, &DEMO),
-            Self::Tolerance => (1.1, color, &TOLERANCE),
-        };
-        dashes(points, pattern).into_iter().map(|points| Shape::Line { points, width, color }).collect()
-    }
-}
-
-/// The colour of the series with this index.
-pub fn color(index: usize) -> Color {
-    PALETTE[index % PALETTE.len()]
-}
-
-/// How often the palette was used up before this series.
-fn round(index: usize) -> usize {
-    index / PALETTE.len()
-}
-
-/// The marker of the series with this index, edged in white so that it stands off its curve.
-pub fn marker(index: usize, at: (f64, f64)) -> [Shape; 2] {
-    let size = 3.3;
-    [shape(index, at, size + 0.9, [0xff; 3]), shape(index, at, size, color(index))]
-}
-
-/// A small marker, for a point that no line leads to.
-pub fn dot(index: usize, at: (f64, f64)) -> Shape {
-    shape(index, at, 1.6, color(index))
-}
-
-fn shape(index: usize, at: (f64, f64), radius: f64, color: Color) -> Shape {
-    let points = outline(index).iter().map(|(x, y)| (at.0 + x * radius, at.1 + y * radius)).collect();
-    Shape::Area { points, color, opacity: 1.0 }
-}
-
-/// A shape of about the unit circle's size; twelve different ones, shifted against the colours in each round.
-fn outline(index: usize) -> Vec<(f64, f64)> {
-    let polygon = |corners: usize, first: f64| {
-        let corner = move |corner: usize| {
-            let angle = (first + 360.0 * corner as f64 / corners as f64).to_radians();
-            (angle.cos(), angle.sin())
-        };
-        (0..corners).map(corner).collect::<Vec<_>>()
+impl Sheet {
+    /// For a screen.
+    pub const SCREEN: Self = Self {
+        print: false,
+        width: 760.0,
+        margin: 10.0,
+        text: 11.0,
+        tick: 9.5,
+        title: 13.0,
+        note: 8.5,
+        curve: 1.5,
+        marker: 3.3,
+        frame: 0.7,
+        dpi: 144,
     };
-    let larger = |factor: f64, points: Vec<(f64, f64)>| -> Vec<(f64, f64)> {
-        points.into_iter().map(|(x, y)| (x * factor, y * factor)).collect()
-    };
-    let star = |tips: usize, inner: f64| {
-        let corner = |corner: usize| {
-            let angle = (360.0 * corner as f64 / (2 * tips) as f64 - 90.0).to_radians();
-            let radius = if corner.is_multiple_of(2) { 1.0 } else { inner };
-            (radius * angle.cos(), radius * angle.sin())
-        };
-        (0..2 * tips).map(corner).collect::<Vec<_>>()
-    };
-    match (index + round(index)) % PALETTE.len() {
-        0 => polygon(24, 0.0),
-        1 => larger(1.2, polygon(4, 45.0)),
-        2 => larger(1.3, polygon(3, -90.0)),
-        3 => larger(1.25, polygon(4, 0.0)),
-        4 => larger(1.3, polygon(3, 90.0)),
-        5 => plus(),
-        6 => larger(1.1, polygon(6, 0.0)),
-        7 => larger(1.3, polygon(3, 0.0)),
-        8 => larger(1.5, star(5, 0.42)),
-        9 => {
-            let diagonal = std::f64::consts::FRAC_1_SQRT_2;
-            plus().into_iter().map(|(x, y)| (diagonal * (x - y), diagonal * (x + y))).collect()
-        }
-        10 => larger(1.3, polygon(3, 180.0)),
-        _ => larger(1.5, star(4, 0.35)),
-    }
-}
 
-fn plus() -> Vec<(f64, f64)> {
-    let (long, short) = (1.2, 0.42);
-    let corners = [(short, long), (short, short), (long, short)];
-    let quarter = |turn: usize| {
-        corners.map(|(x, y)| match turn {
-            0 => (x, y),
-            1 => (y, -x),
-            2 => (-x, -y),
-            _ => (-y, x),
-        })
-    };
-    (0..4).flat_map(quarter).collect()
-}
-
-/// The line through `points`, cut into dashes by `pattern` (lengths of dash and gap in turn); whole for no pattern.
-fn dashes(points: &[(f64, f64)], pattern: &[f64]) -> Vec<Vec<(f64, f64)>> {
-    if pattern.is_empty() {
-        return vec![points.to_vec()];
-    }
-    let (mut dashes, mut dash) = (Vec::new(), points[..1].to_vec());
-    let (mut phase, mut left) = (0, pattern[0]);
-    for ends in points.windows(2) {
-        let (mut from, to) = (ends[0], ends[1]);
-        loop {
-            let length = (to.0 - from.0).hypot(to.1 - from.1);
-            if length < left {
-                left -= length;
-                dash.push(to);
-                break;
-            }
-            let share = left / length;
-            from = (from.0 + share * (to.0 - from.0), from.1 + share * (to.1 - from.1));
-            dash.push(from);
-            if phase % 2 == 0 {
-                dashes.push(std::mem::take(&mut dash));
-            }
-            dash = vec![from];
-            phase += 1;
-            left = pattern[phase % pattern.len()];
-        }
-    }
-    if phase % 2 == 0 && dash.len() > 1 {
-        dashes.push(dash);
-    }
-    dashes
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn dashes_go_around_corners_and_keep_their_lengths() {
-        let dashes = dashes(&[(0.0, 0.0), (3.0, 0.0), (3.0, 7.0)], &[4.0, 2.0]);
-        assert_eq!(dashes, [vec![(0.0, 0.0), (3.0, 0.0), (3.0, 1.0)], vec![(3.0, 3.0), (3.0, 7.0)]]);
-    }
-
-    #[test]
-    fn no_two_of_a_hundred_series_look_alike_and_twelve_differ_in_colour_and_marker() {
-        let look = |index: usize| (color(index), outline(index), ROUNDS[round(index).min(3)].len());
-        for one in 0..100 {
-            for other in 0..one {
-                let (left, right) = (look(one), look(other));
-                assert!(left != right, "{one} looks like {other}");
-                assert!(one >= 12 || (left.0 != right.0 && left.1 != right.1), "{one} is half of {other}");
-            }
+    /// For print, so many inches wide: no text below 7 points, the least that journals take.
+    pub fn print(inches: f64) -> Self {
+        Self {
+            print: true,
+            width: inches * INCH,
+            margin: 2.0,
+            text: 7.5,
+            tick: 7.0,
+            title: 7.5,
+            note: 7.0,
+            curve: 1.0,
+            marker: 2.4,
+            frame: 0.5,
+            dpi: 300,
         }
     }
 
-    /// CIE 1976 colour difference of the palette's colours: below about 10 two thin lines are hard to tell apart.
-    #[test]
-    fn colours_are_far_apart() {
-        let lab = |color: Color| {
-            let linear = color.map(|channel| {
-                let share = f64::from(channel) / 255.0;
-                if share <= 0.04045 { share / 12.92 } else { ((share + 0.055) / 1.055).powf(2.4) }
-            });
-            let [x, y, z] = [
-                [0.4124 / 0.9505, 0.3576 / 0.9505, 0.1805 / 0.9505],
-                [0.2126, 0.7152, 0.0722],
-                [0.0193 / 1.089, 0.1192 / 1.089, 0.9505 / 1.089],
-            ]
-            .map(|row| {
-                let share: f64 = row.iter().zip(linear).map(|(weight, channel)| weight * channel).sum();
-                if share > 0.008856 { share.cbrt() } else { 7.787 * share + 16.0 / 116.0 }
-            });
-            [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
-        };
-        for (one, &color) in PALETTE.iter().enumerate() {
-            for (other, &before) in PALETTE[..one].iter().enumerate() {
-                let (left, right) = (lab(color), lab(before));
-                let distance = left.iter().zip(right).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
-                assert!(distance > 25.0, "colours {one} and {other} are {distance:.0} apart");
-            }
-        }
+    /// A length that is `points` where text is as large as on the screen.
+    pub fn scaled(&self, points: f64) -> f64 {
+        points * self.text / Self::SCREEN.text
     }
 }

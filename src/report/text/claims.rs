@@ -4,7 +4,7 @@ use super::{
     Grid,
     csv::{number, written},
     digits::{alone, between},
-    latex_grid, markdown_grid, terminal,
+    markdown_grid, terminal, tex,
 };
 use crate::{
     escape,
@@ -23,9 +23,10 @@ pub fn markdown(data: &ClaimsData) -> String {
     format!("# {TITLE}\n\n{}\n{}\n{notes}", markdown_grid(&summary(data)), markdown_grid(&details(data)))
 }
 
-/// Every environment's numbers for LaTeX, as [`latex`](super::latex) writes a table.
-pub fn latex(data: &ClaimsData) -> String {
-    latex_grid(TITLE, &details(data), &data.notes)
+/// Every environment's numbers for LaTeX, as [`latex`](super::latex) writes a table called `name`.
+pub fn latex(name: &str, data: &ClaimsData) -> [String; 2] {
+    let grid = details(data);
+    [tex::tabular(&grid), tex::float(name, TITLE, &data.notes, &grid)]
 }
 
 /// What became of each claim, for a terminal of `width` columns.

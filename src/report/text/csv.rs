@@ -90,7 +90,9 @@ pub fn seeds_csv(data: &TableData) -> Result<Vec<u8>, csv::Error> {
 pub fn curves_csv(data: &CurveData) -> Result<Vec<u8>, csv::Error> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     let numbers = ["env_steps", "mean", "low", "high", "seeds", "planned_seeds"];
-    writer.write_record(["env"].into_iter().chain(data.keys.iter().map(String::as_str)).chain(numbers))?;
+    writer.write_record(
+        [data.panel_key.as_str()].into_iter().chain(data.keys.iter().map(String::as_str)).chain(numbers),
+    )?;
     for panel in &data.panels {
         for (Label { values, .. }, curve) in data.series.iter().zip(&panel.curves) {
             let Some(curve) = curve else { continue };
@@ -144,7 +146,7 @@ fn value(value: &Option<toml::Value>) -> String {
 mod tests {
     use super::*;
     use crate::{
-        report::{fixture, recorded::Run, text::tests::made_up},
+        report::{fixture, identity::Identities, recorded::Run, text::tests::made_up},
         spec::Figure,
     };
 
@@ -159,15 +161,9 @@ mod tests {
         assert!(lines[1].starts_with("0.001,mcpo,0,-0.5,,"), "{text}");
         assert!(lines[3].starts_with("0.01,mcpo,1e-7,-0.5,,"), "{text}");
 
-        let figure = Figure {
-            name: "f".into(),
-            title: "F".into(),
-            y: "return".into(),
-            series: vec!["d".into()],
-            only: None,
-            log_y: false,
-        };
-        let data = CurveData::new(&figure, &runs.iter().collect::<Vec<&Run>>());
+        let figure = Figure { series: vec!["d".into()], ..Figure::returns("f", "F".into()) };
+        let runs: Vec<&Run> = runs.iter().collect();
+        let data = CurveData::new(&figure, &runs, &Identities::default()).expect("no selection");
         let text = String::from_utf8(curves_csv(&data).expect("written")).expect("text");
         let expected = "env,d,epsilon,env_steps,mean,low,high,seeds,planned_seeds\n\
                         Hopper-v2,0.001,0,100,-0.5,,,1,1\n\

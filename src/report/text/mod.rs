@@ -6,7 +6,9 @@
 pub mod claims;
 mod csv;
 mod digits;
+pub mod settings;
 mod terminal;
+mod tex;
 
 pub use csv::{csv, curves_csv, seeds_csv};
 pub use terminal::terminal;
@@ -14,7 +16,7 @@ pub use terminal::terminal;
 use super::{
     axis, notes,
     reference::PaperValue,
-    table::{Cell, Row, TableData},
+    table::{Cell, TableData},
     verdict::Comparison,
 };
 use crate::escape;
@@ -50,29 +52,28 @@ pub fn markdown(data: &TableData) -> String {
     text
 }
 
-/// The table for LaTeX with the package booktabs; a `table` environment to `\input`.
-pub fn latex(data: &TableData) -> String {
-    latex_grid(&data.title, &compact(data), &data.notes)
+/// The table for LaTeX: bare, and as a float called `name`. Where it is compared with the paper, environments are called as there.
+pub fn latex(name: &str, data: &TableData) -> [String; 2] {
+    let mut grid = compact(data);
+    if let Some(column) = data.row_keys.iter().position(|key| key == "env").filter(|_| compares(data)) {
+        grid.rows.iter_mut().for_each(|row| row[column] = axis::paper_name(&row[column]).to_owned());
+    }
+    let notes: Vec<String> = seeds(data).into_iter().chain(data.notes.iter().cloned()).collect();
+    [tex::tabular(&grid), tex::float(name, &data.title, &notes, &grid)]
 }
 
-/// `grid` as such a table.
-fn latex_grid(title: &str, grid: &Grid, notes: &[String]) -> String {
-    let alignment: String = grid.numeric.iter().map(|numeric| if *numeric { 'r' } else { 'l' }).collect();
-    let line =
-        |cells: &[String]| cells.iter().map(|cell| escape::latex(cell)).collect::<Vec<_>>().join(" & ") + " \\\\\n";
-    let mut text = String::from("% needs \\usepackage{booktabs}\n\\begin{table}\n\\centering\n");
-    text.push_str(&format!("\\caption{{{}}}\n\\begin{{tabular}}{{{alignment}}}\n\\toprule\n", escape::latex(title)));
-    text.push_str(&line(&grid.headers));
-    text.push_str("\\midrule\n");
-    for row in &grid.rows {
-        text.push_str(&line(row));
+/// `n = 5 seeds a cell.`
+fn seeds(data: &TableData) -> Option<String> {
+    let seeds = || data.rows.iter().flat_map(|row| row.cells.iter().flatten()).map(|cell| cell.seeds);
+    match (seeds().min()?, seeds().max()?) {
+        (fewest, most) if fewest < most => Some(format!("n = {fewest} to {most} seeds a cell.")),
+        (_, most) => Some(format!("n = {} a cell.", notes::count(most, "seed"))),
     }
-    text.push_str("\\bottomrule\n\\end{tabular}\n\n\\footnotesize\n");
-    for note in notes {
-        text.push_str(&format!("{}\n", escape::latex(note)));
-    }
-    text.push_str("\\end{table}\n");
-    text
+}
+
+/// Whether any value of the paper stands in the table.
+fn compares(data: &TableData) -> bool {
+    data.rows.iter().any(|row| row.cells.iter().flatten().any(|cell| cell.paper.is_some()) || row.paper_demo.is_some())
 }
 
 /// The one grid for LaTeX and the terminal: the matrix where there are several columns, else the list.
@@ -88,8 +89,7 @@ fn row_headers(data: &TableData) -> Vec<String> {
 /// Rows by columns; below each row of ours, the paper's.
 fn matrix(data: &TableData) -> Grid {
     let mut headers = row_headers(data);
-    let has_paper = |row: &Row| row.cells.iter().flatten().any(|cell| cell.paper.is_some()) || row.paper_demo.is_some();
-    let compares = data.rows.iter().any(has_paper);
+    let compares = compares(data);
     let has_demo = data.rows.iter().any(|row| row.demo.or(row.paper_demo).is_some());
     if compares {
         headers.push(String::new());
@@ -316,15 +316,19 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn latex_escapes_what_it_must() {
-        let text = latex(&ablation());
-        assert!(text.contains("\\caption{50 \\% \\& more}"), "{text}");
-        assert!(text.contains("\\begin{tabular}{llrrrrl}\n\\toprule\nd & $\\epsilon$ & ours & seeds"), "{text}");
-        assert!(text.contains("10$^{-3}$ & 2$\\cdot$10$^{-3}$ & 120.5 & 1 seed"), "{text}");
-        assert!(text.contains("$-$587 $\\pm$ 987"), "{text}");
-        let text = latex(&comparison());
-        assert!(text.contains("Hopper-v2 & ours & 974.42 & 5 (1 of 2 seeds)"), "{text}");
-        assert!(text.contains(" & paper & 969.71 & 17 $\\pm$ 14"), "{text}");
+    fn latex_has_the_papers_names_its_label_and_n() {
+        let [bare, float] = latex("table-5", &ablation());
+        assert!(bare.contains("\\begin{tabular}{llrrrr@{}ll}\n\\toprule\nd & $\\epsilon$ & ours & seeds"), "{bare}");
+        assert!(bare.contains("10$^{-3}$ & 2$\\cdot$10$^{-3}$ & 120.5 & 1 seed"), "{bare}");
+        assert!(bare.contains("$-$587 & ${}\\pm{}$987"), "{bare}");
+        assert!(float.contains("\\caption{50 \\% \\& more}\n\\label{tab:table-5}"), "{float}");
+        assert!(float.contains("n = 1 seed a cell."), "{float}");
+        let pendulum = fixture::ppo("InvertedPendulum-v2", 0).finished(&[(100, &[1.0])]);
+        let [bare, _] = latex("t", &made_up(&["env"], "algorithm", "table3", &[pendulum]));
+        assert!(bare.contains("\nPendulum-v2 & ") && !bare.contains("Inverted"), "{bare}");
+        let [bare, _] = latex("t", &comparison());
+        assert!(bare.contains("Hopper-v2 & ours & 974.42 & 5 & ~(1 of 2 seeds)"), "{bare}");
+        assert!(bare.contains(" & paper & 969.71 & 17 & ${}\\pm{}$14"), "{bare}");
     }
 
     #[test]

@@ -21,8 +21,18 @@ use super::{
 use crate::env::{EnvError, EnvId};
 
 /// Keys of the file that are neither settings nor hyperparameters.
-pub(super) const ROOT_KEYS: [&str; 9] =
-    ["name", "description", "extends", "matrix", "algorithms", "environments", "figures", "tables", "claims"];
+pub(super) const ROOT_KEYS: [&str; 10] = [
+    "name",
+    "description",
+    "extends",
+    "matrix",
+    "algorithms",
+    "environments",
+    "figures",
+    "tables",
+    "settings",
+    "claims",
+];
 /// The lists that every block has.
 pub(super) const BLOCK_KEYS: [&str; 3] = ["seed", "env", "algorithm"];
 
@@ -138,6 +148,7 @@ impl<'a> Checker<'a> {
                 "environments" => this.table(value, "`environments`", Self::environments),
                 "figures" => this.figures_or_tables(value, "figures", "figure", &Catalog::get().figure),
                 "tables" => this.figures_or_tables(value, "tables", "table", &Catalog::get().table),
+                "settings" => this.figures_or_tables(value, "settings", "table", &Catalog::get().settings_table),
                 "claims" => this.claims(value),
                 _ if settings.schema(&[key]).is_some() => this.section(settings, &[key], value),
                 _ => {
@@ -153,6 +164,7 @@ impl<'a> Checker<'a> {
                 }
             });
         }
+        self.different_files(table);
     }
 
     /// A name that becomes a file's or a folder's.

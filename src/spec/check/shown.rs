@@ -2,6 +2,8 @@
 
 use std::collections::HashSet;
 
+use toml::de::DeTable;
+
 use super::{BLOCK_KEYS, Checker, Value};
 use crate::spec::{Parameter, Selection, catalog::Section, figure, names::nearest_label};
 
@@ -55,6 +57,21 @@ impl Checker<'_> {
         }
     }
 
+    /// Tables of returns and of settings are written to files of the same kinds, so that none may have the other's name.
+    pub(super) fn different_files(&mut self, root: &DeTable<'_>) {
+        let names = |key: &str| {
+            let tables = root.get(key).and_then(|value| value.get_ref().as_array()).into_iter().flatten();
+            tables.filter_map(|table| table.get_ref().get("name")).collect::<Vec<_>>()
+        };
+        let tables = names("tables");
+        for name in names("settings") {
+            let text = name.get_ref().as_str().unwrap_or_default();
+            if tables.iter().any(|table| table.get_ref().as_str() == Some(text)) {
+                self.note(name.span(), format!("a table of returns is called `{text}` too"), None);
+            }
+        }
+    }
+
     /// A value of a figure or table that has the right type.
     fn shown(&mut self, key: &str, value: &Value<'_>) {
         let one = value.get_ref().as_str();
@@ -63,18 +80,28 @@ impl Checker<'_> {
             "name" => self.name(value),
             "series" | "rows" => many.for_each(|element| self.dimension(element)),
             "columns" => self.dimension(value),
+            "show" => {
+                let names = Parameter::names();
+                let known: Vec<&str> =
+                    figure::OF_ENVIRONMENTS.into_iter().chain(names.iter().map(String::as_str)).collect();
+                many.for_each(|element| self.known("parameter", element, &known));
+            }
             "y" if one.is_some_and(|column| figure::WORDS.contains(&column)) => {
                 let message = format!("`{}` holds words; a figure draws numbers", one.unwrap_or_default());
                 self.wrong(value.span(), message, None);
             }
             "y" => self.known("y", value, &figure::columns()),
+            "panels" if one.is_some() => self.dimension(value),
+            "panels" => many.for_each(|element| self.selection(element)),
             "reference" => self.known("reference", value, &figure::REFERENCES),
-            "only" => {
-                if let Some(Err(error)) = one.map(Selection::parse) {
-                    self.wrong(value.span(), error.to_string(), None);
-                }
-            }
+            "only" => self.selection(value),
             _ => {}
+        }
+    }
+
+    fn selection(&mut self, value: &Value<'_>) {
+        if let Some(Err(error)) = value.get_ref().as_str().map(Selection::parse) {
+            self.wrong(value.span(), error.to_string(), None);
         }
     }
 
@@ -93,5 +120,52 @@ impl Checker<'_> {
                 nearest_label(what, name, known.iter().copied()),
             );
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use crate::spec::{Overrides, parse};
+
+    /// What is said of `more` below a good matrix.
+    fn errors(more: &str) -> String {
+        let matrix = "[[matrix]]\nseed = [0]\nenv = ['Hopper-v2']\nalgorithm = ['mcpo']\n";
+        let text = format!("name = 'x'\nbudget.env_steps = 4096\n{matrix}{more}");
+        let parsed = parse(Path::new("x.toml"), &text, &Overrides::default());
+        parsed.map_or_else(|errors| errors.render(false), |_| String::new())
+    }
+
+    #[test]
+    fn how_a_figure_is_drawn_is_checked_where_it_is_written() {
+        let figure =
+            |more: &str| errors(&format!("[[figures]]\nname = 'f'\ntitle = ''\ny = 'mmd'\nseries = []\n{more}"));
+        for good in
+            ["panels = 'd'", "panels = ['epsilon=0', 'd=1e-3']", "width = 'full'", "width = 6", "band = 'seeds'"]
+        {
+            assert_eq!(figure(good), "", "{good}");
+        }
+        for (bad, told) in [
+            ("panels = 'tolerance'", "unknown axis `tolerance`"),
+            ("panels = ['epsilon']", "`epsilon` is not of the form KEY=VALUE"),
+            ("panels = []", "at least one panel"),
+            ("width = 'page'", "unknown width `page`"),
+            ("width = 0.1", "0.1 is out of range"),
+            ("band = 'sem'", "band"),
+            ("smooth = 0", "smooth"),
+            ("reference = 'table9'", "unknown reference `table9`"),
+        ] {
+            assert!(figure(bad).contains(told), "{bad}: {}", figure(bad));
+        }
+    }
+
+    #[test]
+    fn tables_of_settings_show_what_there_is_and_have_files_of_their_own() {
+        let settings = |more: &str| errors(&format!("[[settings]]\nname = 't'\ntitle = ''\n{more}"));
+        assert_eq!(settings("show = ['d', 'max_steps', 'actions']\nrows = ['env']"), "");
+        assert!(settings("show = ['tolerance']").contains("unknown parameter `tolerance`"));
+        let table = "show = []\n[[tables]]\nname = 't'\ntitle = ''\nrows = ['env']\ncolumns = 'algorithm'";
+        assert!(settings(table).contains("a table of returns is called `t` too"), "{}", settings(table));
     }
 }

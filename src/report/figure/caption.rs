@@ -1,0 +1,107 @@
+//! What a figure's caption says of its curves.
+
+use std::collections::BTreeSet;
+
+use crate::{
+    report::{
+        curve::{Curve, CurveData, LeftOut},
+        notes,
+        over_seeds::SEEDS_FOR_T,
+    },
+    spec::Band,
+};
+
+/// What a reader must know of the curves: seeds and bands, and what is lacking.
+pub struct Notes {
+    /// What belongs into a caption.
+    pub means: String,
+    /// What is lacking, which the figure itself must say; nothing of a whole one.
+    pub lacking: String,
+}
+
+impl Notes {
+    /// Both, in a line.
+    pub fn all(&self) -> String {
+        [self.means.as_str(), &self.lacking]
+            .iter()
+            .filter(|part| !part.is_empty())
+            .copied()
+            .collect::<Vec<_>>()
+            .join(" ")
+    }
+}
+
+/// The notes of `data`.
+pub fn notes(data: &CurveData) -> Notes {
+    let curves: Vec<(&str, &str, &Curve)> = data
+        .panels
+        .iter()
+        .filter(|panel| panel.curves.iter().flatten().any(|curve| curve.seeds > 0)) // the others say so themselves
+        .flat_map(|panel| {
+            let named = data.series.iter().zip(&panel.curves);
+            named.filter_map(|(name, curve)| Some((panel.title.as_str(), name.text.as_str(), curve.as_ref()?)))
+        })
+        .collect();
+    if curves.is_empty() {
+        return Notes { means: String::new(), lacking: String::new() };
+    }
+    let drawn = || curves.iter().map(|(_, _, curve)| curve.seeds).filter(|seeds| *seeds > 0);
+    let (fewest, most) = (drawn().min().unwrap_or(0), drawn().max().unwrap_or(0));
+    let mut means = vec![seeds(data, fewest, most)];
+    means.extend(
+        data.smooth.map(|steps| format!("Smoothed over {} steps, the unsmoothed mean behind.", notes::steps(steps))),
+    );
+    let name =
+        |env: &str, series: &str| if data.series.len() > 1 { format!("{series}, {env}") } else { env.to_owned() };
+    let lacking: Vec<String> = curves
+        .iter()
+        .filter_map(|(panel, series, curve)| Some(format!("{} ({})", name(panel, series), curve.lacking()?)))
+        .collect();
+    let kinds: BTreeSet<Option<String>> = curves.iter().map(|(_, _, curve)| curve.lacking()).collect();
+    let mut notes = Vec::new();
+    match kinds.first() {
+        _ if lacking.is_empty() => {}
+        Some(Some(all)) if kinds.len() == 1 && curves.len() > 1 => notes.push(format!("Each curve: {all}.")),
+        _ => notes.push(format!("Not complete: {}.", shorten(&lacking))),
+    }
+    let mut left_out = |reason: &str, count: fn(&LeftOut) -> usize| {
+        let of: Vec<String> = curves
+            .iter()
+            .filter(|(_, _, curve)| count(&curve.left_out) > 0)
+            .map(|(env, series, curve)| format!("{} ({})", name(env, series), count(&curve.left_out)))
+            .collect();
+        if !of.is_empty() {
+            notes.push(format!("{reason}: {}.", shorten(&of)));
+        }
+    };
+    left_out("Gaps where a seed's value is no finite number", |left_out| left_out.not_finite);
+    left_out("Gaps where a seed's value is not above 0, which this axis cannot show", |left_out| left_out.not_positive);
+    left_out("Points left out because a seed has none there", |left_out| left_out.absent);
+    Notes { means: means.join(" "), lacking: notes.join(" ") }
+}
+
+/// Of how many seeds a curve is the mean, and what is shaded or thin beside it.
+fn seeds(data: &CurveData, fewest: usize, most: usize) -> String {
+    let kind = if data.log_y { "Geometric mean" } else { "Mean" };
+    let few = fewest < SEEDS_FOR_T;
+    let beside = match data.band {
+        Band::T if most < SEEDS_FOR_T => "shaded: from one to the other",
+        Band::T if few => "shaded: 95 % Student t interval, of two seeds their range, cut at the frame",
+        Band::T => "shaded: 95 % Student t interval, cut at the frame",
+        Band::Std => "shaded: one standard deviation of the seeds to each side, cut at the frame",
+        Band::Bootstrap => "shaded: 95 % bootstrap interval of the mean, which is too narrow for few seeds",
+        Band::Seeds => "thin: each seed",
+    };
+    match most {
+        0 | 1 => "One seed a curve.".to_owned(),
+        _ if fewest < most => format!("{kind} over {fewest} to {most} seeds; {beside}."),
+        _ => format!("{kind} over {most} seeds; {beside}."),
+    }
+}
+
+/// The first few of a list, and how many more there are.
+fn shorten(list: &[String]) -> String {
+    const SHOWN: usize = 6;
+    let shown = list[..list.len().min(SHOWN)].join("; ");
+    if list.len() > SHOWN { format!("{shown}; and {} more", list.len() - SHOWN) } else { shown }
+}

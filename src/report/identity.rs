@@ -1,0 +1,137 @@
+//! Which look belongs to which series, in all figures of an experiment.
+//!
+//! Owns the place of every combination of algorithm and settings among the looks. Knows nothing of colours. Start at
+//! [`Identities::new`].
+//!
+//! A look belongs to what a series is, not to where it stands in the file or in a figure. An algorithm's own look, the same in all
+//! experiments, is that of its default setting; its other settings take the looks that no algorithm of the experiment has, in
+//! ascending order of their values.
+
+use std::cmp::Ordering;
+
+use super::{axis, recorded::Run};
+
+/// The algorithms whose own look is their place here.
+const OWN: [&str; 11] =
+    ["mcpo", "ppo", "pretraining", "pofd", "mmd_il", "expert", "random", "trpo", "gail", "bc", "penalty"];
+
+/// What a run is beside its environment and seed: its algorithm, and the value of each key where that is not the default.
+type Identity = Vec<Option<toml::Value>>;
+
+/// What tells the runs of an experiment apart, and the look of each.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Identities {
+    keys: Vec<String>,
+    looks: Vec<(Identity, usize)>,
+}
+
+impl Identities {
+    /// Those of an experiment with `runs`: all of the file's, so that a part of them looks as it does in the whole.
+    pub fn new(runs: &[&Run]) -> Self {
+        let algorithm = "algorithm".to_owned();
+        let known = ["env".to_owned(), algorithm.clone()];
+        let keys: Vec<String> = [vec![algorithm], axis::hidden_axes(runs, &known)].concat();
+        let mut identities: Vec<(Identity, Option<usize>)> = Vec::new();
+        for run in runs {
+            let identity = identity(&keys, run);
+            if !identities.iter().any(|(known, _)| *known == identity) {
+                identities.push((identity, OWN.iter().position(|name| *name == run.spec.algorithm_name())));
+            }
+        }
+        identities.sort_by(|left, right| ascending(&left.0, &right.0));
+        let present: Vec<usize> = identities.iter().filter_map(|(_, own)| *own).collect();
+        let mut free = (0..).filter(|look| !present.contains(look));
+        let mut taken: Vec<usize> = Vec::new();
+        let looks = identities.into_iter().map(|(identity, own)| {
+            let look = own.filter(|look| !taken.contains(look)).or_else(|| free.next()).unwrap_or_default();
+            taken.push(look);
+            (identity, look)
+        });
+        Self { looks: looks.collect(), keys }
+    }
+
+    /// The look of each series, by one of its runs; of series that are the same but for their environment or seed, all but the
+    /// first take what is left.
+    pub fn looks<'a>(&self, series: impl Iterator<Item = &'a Run>) -> Vec<usize> {
+        let wanted: Vec<Option<usize>> = series.map(|run| self.of(run)).collect();
+        let mut left = (0..).filter(|look| !wanted.contains(&Some(*look)));
+        let mut given: Vec<usize> = Vec::with_capacity(wanted.len());
+        for look in &wanted {
+            let own = look.filter(|look| !given.contains(look));
+            given.extend(own.or_else(|| left.next()));
+        }
+        given
+    }
+
+    fn of(&self, run: &Run) -> Option<usize> {
+        let wanted = identity(&self.keys, run);
+        self.looks.iter().find(|(known, _)| *known == wanted).map(|(_, look)| *look)
+    }
+}
+
+fn identity(keys: &[String], run: &Run) -> Identity {
+    let departs = |key: &String| {
+        let is = |departure: &String| departure == key || departure.ends_with(&format!(".{key}"));
+        key == "algorithm" || run.departures().iter().any(is)
+    };
+    keys.iter().map(|key| run.value(key).filter(|_| departs(key))).collect()
+}
+
+/// Numbers by their size, all else by how it is written; what is absent first, so that a default is.
+fn ascending(left: &[Option<toml::Value>], right: &[Option<toml::Value>]) -> Ordering {
+    let number = |value: &toml::Value| value.as_float().or_else(|| value.as_integer().map(|whole| whole as f64));
+    let compare = |(left, right): (&Option<toml::Value>, &Option<toml::Value>)| match (left, right) {
+        (Some(left), Some(right)) => match (number(left), number(right)) {
+            (Some(left), Some(right)) => left.total_cmp(&right),
+            _ => left.to_string().cmp(&right.to_string()),
+        },
+        _ => left.is_some().cmp(&right.is_some()),
+    };
+    left.iter().zip(right).map(compare).find(|order| order.is_ne()).unwrap_or(Ordering::Equal)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{report::fixture, spec::Algorithm};
+
+    fn looks(runs: &[Run], of: &[&Run]) -> Vec<usize> {
+        Identities::new(&runs.iter().collect::<Vec<_>>()).looks(of.iter().copied())
+    }
+
+    #[test]
+    fn every_algorithm_has_a_look_of_its_own() {
+        let names: Vec<&str> = Algorithm::names().collect();
+        assert!(names.iter().all(|name| OWN.contains(name)) && names.len() == OWN.len(), "{names:?}");
+    }
+
+    #[test]
+    fn a_look_belongs_to_an_algorithm_wherever_it_stands() {
+        let (mcpo, ppo) = (fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 0), fixture::ppo("Hopper-v2", 0));
+        assert_eq!(looks(&[mcpo.clone(), ppo.clone()], &[&mcpo, &ppo]), [0, 1]);
+        assert_eq!(looks(&[ppo.clone(), mcpo.clone()], &[&ppo, &mcpo]), [1, 0]);
+        assert_eq!(looks(std::slice::from_ref(&ppo), &[&ppo]), [1], "alone too");
+    }
+
+    #[test]
+    fn a_look_belongs_to_a_setting_wherever_it_stands() {
+        let run = |d, epsilon| fixture::mcpo("HalfCheetah-v2", d, epsilon, 0);
+        let runs = [run(1.0, 0.0), run(1e-3, 0.0), run(1e-3, 1e-3), run(1e-6, 0.0)];
+        let all: Vec<&Run> = runs.iter().collect();
+        assert_eq!(looks(&runs, &all), [3, 1, 0, 2], "the default has MCPO's own, the others follow their values");
+        let mut reversed = runs.clone();
+        reversed.reverse();
+        assert_eq!(looks(&reversed, &all), [3, 1, 0, 2]);
+        assert_eq!(looks(&runs, &all[1..2]), [1], "in a figure of one curve too");
+        // Table 2 has other values for each environment: they are one setting, the default.
+        let walker = fixture::mcpo("Walker2d-v2", 1e-2, 1e-3, 0);
+        let with_walker = [&runs[..], std::slice::from_ref(&walker)].concat();
+        assert_eq!(looks(&with_walker, &[&walker]), [0]);
+    }
+
+    #[test]
+    fn series_that_differ_in_nothing_but_their_seed_do_not_look_alike() {
+        let runs = [0, 1, 2].map(|seed| fixture::ppo("Hopper-v2", seed));
+        assert_eq!(looks(&runs, &runs.iter().collect::<Vec<_>>()), [1, 0, 2]);
+    }
+}

@@ -1,0 +1,165 @@
+//! Tables of what was set, from the specifications as they were resolved.
+//!
+//! Owns which values are one and which differ by algorithm or environment. Knows nothing of returns. Start at
+//! [`SettingsData::new`].
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::LazyLock,
+};
+
+use super::{axis, recorded::Run};
+use crate::{env::EnvId, spec::SettingsTable};
+
+/// One table of what was set.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SettingsData {
+    /// Above the table.
+    pub title: String,
+    /// Above the columns.
+    pub headers: Vec<String>,
+    /// Cells, one a header.
+    pub rows: Vec<Vec<String>>,
+    /// How many columns, the first ones, say what a row is.
+    pub names: usize,
+    /// What a reader must know beside it.
+    pub notes: Vec<String>,
+}
+
+impl SettingsData {
+    /// What `table` shows of `runs`, which are those that its `only` selects: with rows, one column a parameter; without, one row a
+    /// parameter, once where all algorithms that have it agree, and else by algorithm.
+    pub fn new(table: &SettingsTable, runs: &[&Run]) -> Self {
+        let (names, headers, rows) = if table.rows.is_empty() {
+            let headers = ["method", "parameter", "value"].map(str::to_owned).to_vec();
+            (2, headers, table.show.iter().flat_map(|key| by_algorithm(key, runs)).collect())
+        } else {
+            let groups = axis::group(runs, &table.rows);
+            let labels = axis::value_labels(&groups);
+            let row = |(group, labels): (&axis::Group<'_>, Vec<Option<String>>)| {
+                let names = labels.into_iter().map(|label| {
+                    let label = label.unwrap_or_default();
+                    axis::display_name(&label).to_owned()
+                });
+                names.chain(table.show.iter().map(|key| said(key, &group.runs))).collect()
+            };
+            let keys = table.rows.iter().chain(&table.show);
+            (
+                table.rows.len(),
+                keys.map(|key| axis::key_label(key)).collect(),
+                groups.iter().zip(labels).map(row).collect(),
+            )
+        };
+        let title = table.title.clone();
+        Self {
+            title,
+            headers,
+            rows,
+            names,
+            notes: vec!["From the specifications of the runs, as resolved.".to_owned()],
+        }
+    }
+}
+
+/// The rows of one parameter, by method.
+fn by_algorithm(key: &str, runs: &[&Run]) -> Vec<Vec<String>> {
+    let groups = axis::group(runs, &["algorithm".to_owned()]);
+    let told = groups.iter().filter_map(|group| {
+        let text = said(key, &group.runs);
+        (!text.is_empty()).then(|| (axis::display_name(group.runs[0].spec.algorithm_name()).to_owned(), text))
+    });
+    let told: Vec<(String, String)> = told.collect();
+    let row = |method: &str, value: &str| vec![method.to_owned(), axis::key_label(key), value.to_owned()];
+    match told.as_slice() {
+        [(_, first), others @ ..] if !others.is_empty() && others.iter().all(|(_, text)| text == first) => {
+            vec![row("shared", first)]
+        }
+        _ => told.iter().map(|(method, text)| row(method, text)).collect(),
+    }
+}
+
+/// The value of `key` in `runs`: the one that most environments have, and in brackets those of the others; nothing where none has it.
+fn said(key: &str, runs: &[&Run]) -> String {
+    let mut by_value: Vec<(String, BTreeSet<EnvId>)> = Vec::new();
+    let values: Vec<(EnvId, toml::Value)> =
+        runs.iter().filter_map(|run| Some((run.spec.env, value(key, run)?))).collect();
+    let notation = axis::Notation::of(values.iter().map(|(_, value)| value));
+    for (env, value) in &values {
+        let text = notation.label(value);
+        match by_value.iter_mut().find(|(known, _)| *known == text) {
+            Some((_, envs)) => {
+                envs.insert(*env);
+            }
+            None => by_value.push((text, [*env].into())),
+        }
+    }
+    by_value.sort_by_key(|(_, envs)| std::cmp::Reverse(envs.len())); // stable: of equals the first stays first
+    let mut values = by_value.iter();
+    let Some((most, _)) = values.next() else { return String::new() };
+    let others: Vec<String> = values
+        .map(|(text, envs)| {
+            let envs: Vec<&str> = envs.iter().map(|env| env.name()).collect();
+            format!("{text} in {}", envs.join(", "))
+        })
+        .collect();
+    if others.is_empty() { most.clone() } else { format!("{most} ({})", others.join("; ")) }
+}
+
+/// The value of a parameter, or of what belongs to an environment or a recorded demonstration.
+fn value(key: &str, run: &Run) -> Option<toml::Value> {
+    let count = |count: usize| toml::Value::Integer(count as i64);
+    match key {
+        "observations" => Some(count(spaces(run.spec.env)?.0)),
+        "actions" => Some(count(spaces(run.spec.env)?.1)),
+        "trajectories" => Some(count(run.recording()?.demonstrated.as_ref()?.episodes)),
+        _ => run.value(key),
+    }
+}
+
+/// Numbers in an observation and in an action; `None` where the engine refuses the model.
+fn spaces(env: EnvId) -> Option<(usize, usize)> {
+    static KNOWN: LazyLock<BTreeMap<EnvId, (usize, usize)>> = LazyLock::new(|| {
+        let of = |env: EnvId| {
+            let spaces = env.build().ok()?.spaces();
+            Some((env, (spaces.observation_dim, spaces.action_dim)))
+        };
+        EnvId::ALL.into_iter().filter_map(of).collect()
+    });
+    KNOWN.get(&env).copied()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::fixture;
+
+    fn data(rows: &[&str], show: &[&str], runs: &[Run]) -> SettingsData {
+        let list = |texts: &[&str]| texts.iter().map(|text| (*text).to_owned()).collect();
+        let table =
+            SettingsTable { name: "t".into(), title: "T".into(), rows: list(rows), show: list(show), only: None };
+        SettingsData::new(&table, &runs.iter().collect::<Vec<_>>())
+    }
+
+    /// Table 2's row of HalfCheetah and of Walker2d, as the paper prints them.
+    #[test]
+    fn table_2_is_a_row_an_environment() {
+        let run = |env: &str| fixture::run("mcpo", &format!("env = [\"{env}\"]\nseed = [0]"));
+        let runs = [run("HalfCheetah-v2"), run("Walker2d-v2")];
+        let data = data(&["env"], &["observations", "actions", "max_steps", "d", "epsilon"], &runs);
+        assert_eq!(data.headers, ["environment", "observations", "actions", "max steps", "d", "ε"]);
+        assert_eq!(data.rows[0], ["HalfCheetah-v2", "17", "6", "1000", "10⁻³", "10⁻³"]);
+        assert_eq!(data.rows[1], ["Walker2d-v2", "17", "6", "1000", "0.01", "10⁻³"]);
+    }
+
+    /// Table 1, from the same: what all have once, POfD's weight with its exceptions.
+    #[test]
+    fn table_1_is_a_row_a_parameter() {
+        let run = |algorithm, env: &str| fixture::run(algorithm, &format!("env = [\"{env}\"]\nseed = [0]"));
+        let envs = ["Hopper-v2", "Ant-v2", "HalfCheetah-v2"];
+        let runs: Vec<Run> = envs.iter().flat_map(|env| ["pofd", "ppo", "mcpo"].map(|name| run(name, env))).collect();
+        let data = data(&[], &["network.hidden", "ppo.clip", "mcpo.max_kl", "pofd.weight"], &runs);
+        assert_eq!(data.rows[0], ["shared", "hidden", "[300, 400]"]);
+        assert!(data.rows.iter().any(|row| row[0] == "PPO" && row[1] == "clip" && row[2] == "0.2"), "{:?}", data.rows);
+        assert!(data.rows.iter().any(|row| row[0] == "MCPO" && row[2] == "5·10⁻³"), "{:?}", data.rows);
+    }
+}
