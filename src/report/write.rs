@@ -456,11 +456,12 @@ mod tests {
         let expected = [
             "returns.md",
             "returns.tex",
+            "returns-float.tex",
             "returns.csv",
             "returns-seeds.csv",
+            "returns-curves.csv",
             "returns.png",
             "returns.svg",
-            "returns-curves.csv",
             "README.md",
         ];
         assert_eq!(names, expected);
@@ -472,7 +473,7 @@ mod tests {
         let first = read();
         report(&spec, folder.path());
         assert!(first == read(), "the same recordings gave other bytes");
-        assert!(first[4].starts_with(b"\x89PNG"));
+        assert!(first[6].starts_with(b"\x89PNG"));
         let table = String::from_utf8(first[0].clone()).expect("text");
         assert!(table.contains("1 of 2 seeds"), "{table}");
     }
