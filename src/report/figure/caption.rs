@@ -53,10 +53,21 @@ pub fn notes(data: &CurveData) -> Notes {
     );
     let name =
         |env: &str, series: &str| if data.series.len() > 1 { format!("{series}, {env}") } else { env.to_owned() };
-    let lacking: Vec<String> = curves
-        .iter()
-        .filter_map(|(panel, series, curve)| Some(format!("{} ({})", name(panel, series), curve.lacking()?)))
-        .collect();
+    // A series that lacks the same in all of its panels is named once.
+    let same_everywhere = |series: &str| {
+        let mut of: BTreeSet<Option<String>> = BTreeSet::new();
+        let panels = curves.iter().filter(|(_, other, _)| *other == series);
+        panels.map(|(_, _, curve)| of.insert(curve.lacking())).count() > 1 && of.len() == 1
+    };
+    let mut lacking: Vec<String> = Vec::new();
+    for (panel, series, curve) in &curves {
+        let Some(text) = curve.lacking() else { continue };
+        let name = if same_everywhere(series) { (*series).to_owned() } else { name(panel, series) };
+        let entry = format!("{name} ({text})");
+        if !lacking.contains(&entry) {
+            lacking.push(entry);
+        }
+    }
     let kinds: BTreeSet<Option<String>> = curves.iter().map(|(_, _, curve)| curve.lacking()).collect();
     let mut notes = Vec::new();
     match kinds.first() {

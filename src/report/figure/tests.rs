@@ -115,6 +115,16 @@ fn seeds_that_are_finished_are_counted_not_planned_ones() {
 }
 
 #[test]
+fn a_series_that_lacks_the_same_in_all_panels_is_named_once() {
+    let short = |seeds| Some(Curve { seeds, ..curve(&[1.0, 2.0]) });
+    let panels = vec![panel("Hopper-v2", vec![short(0), short(3)]), panel("Ant-v2", vec![short(0), short(4)])];
+    let told = notes(&figure(panels, 2, "method", false)).lacking;
+    let expected = "Not complete: method 0 (0 of 5 seeds); method 1, Hopper-v2 (3 of 5 seeds); \
+                    method 1, Ant-v2 (4 of 5 seeds).";
+    assert_eq!(told, expected);
+}
+
+#[test]
 fn long_names_are_broken_or_cut() {
     let name = "penalty, samples = rollout, bandwidth = median heuristic, estimator = u, weight = 100";
     let long = "AnEnvironmentWithANameThatIsLongerThanAnyPanelIsWideAndThenSome-v2";

@@ -1,6 +1,6 @@
 //! Where an axis is marked, and how.
 
-use crate::report::axis::superscript;
+use crate::report::axis::{Notation, superscript};
 
 /// An axis from `low` to `high`, in the units of its data.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -68,6 +68,10 @@ impl Scale {
             if powers.iter().filter(|tick| !tick.label.is_empty()).count() > 1 {
                 return powers;
             }
+            let between = self.within_powers();
+            if between.len() > 2 {
+                return between;
+            }
         }
         self.multiples(Step::near((self.high - self.low) / wanted.max(1) as f64), 1e4)
     }
@@ -89,6 +93,14 @@ impl Scale {
             .zip(labels)
             .map(|(at, label)| Tick { at, label })
             .collect()
+    }
+
+    /// One, two and five times powers of ten: multiples of one step would lie on each other at the upper end.
+    fn within_powers(&self) -> Vec<Tick> {
+        let exponents = self.low.log10().floor() as i32..=self.high.log10().floor() as i32;
+        let digits = exponents.flat_map(|exponent| [1, 2, 5].map(|digit| Step { digit, exponent }));
+        let values = digits.map(|step| step.value(1)).filter(|at| (self.low..=self.high).contains(at));
+        values.map(|at| Tick { at, label: Notation::Powers.label(&at.into()) }).collect()
     }
 
     fn powers(&self, wanted: usize) -> Vec<Tick> {
@@ -222,6 +234,9 @@ mod tests {
         assert_eq!(labels(&scale.ticks(6)), ["10⁻⁵", "10⁻⁴", "10⁻³", "10⁻²", "10⁻¹"]);
         assert_eq!(labels(&scale.ticks(3)), ["10⁻⁴", "10⁻²"]);
         assert!((scale.fraction(5e-6)).abs() < 1e-12 && (scale.fraction(0.3) - 1.0).abs() < 1e-12);
+        // The MMD of one tolerance over its annealing.
+        let decade = Scale { low: 1.2e-4, high: 8.4e-3, log: true };
+        assert_eq!(labels(&decade.ticks(6)), ["2·10⁻⁴", "5·10⁻⁴", "10⁻³", "2·10⁻³", "5·10⁻³"]);
         let narrow = Scale { low: 0.02, high: 0.05, log: true };
         assert_eq!(labels(&narrow.ticks(3)), ["0.02", "0.03", "0.04", "0.05"]);
     }
