@@ -164,7 +164,7 @@ impl Files {
     }
 
     /// Writes a table for LaTeX: bare, and as a float.
-    fn latex(&mut self, name: &str, [bare, float]: [String; 2]) -> Result<(), ReportError> {
+    fn latex(&mut self, name: &str, [bare, float]: [String; 2]) -> Result<(), RecordError> {
         self.write(name, "tex", bare.as_bytes())?;
         self.write(&format!("{name}-float"), "tex", float.as_bytes())
     }

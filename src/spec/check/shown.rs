@@ -47,8 +47,9 @@ impl Checker<'_> {
             let text = name.get_ref().as_str().unwrap_or_default();
             // Some file systems do not tell small letters from capitals.
             let file = text.to_ascii_lowercase();
-            let of_tables = || file == "claims" || ["-curves", "-seeds"].iter().any(|end| file.ends_with(end));
-            if key != "claims" && file == "readme" || key == "tables" && of_tables() {
+            let of_tables =
+                || file == "claims" || ["-curves", "-float", "-seeds"].iter().any(|end| file.ends_with(end));
+            if key != "claims" && file == "readme" || ["tables", "settings"].contains(&key) && of_tables() {
                 let message = format!("`{text}` is the name of a file that every report has of its own");
                 self.note(name.span(), message, Some("another name is needed".into()));
             } else if !seen.insert(file) {
@@ -61,13 +62,13 @@ impl Checker<'_> {
     pub(super) fn different_files(&mut self, root: &DeTable<'_>) {
         let names = |key: &str| {
             let tables = root.get(key).and_then(|value| value.get_ref().as_array()).into_iter().flatten();
-            tables.filter_map(|table| table.get_ref().get("name")).collect::<Vec<_>>()
+            let names = tables.filter_map(|table| table.get_ref().get("name"));
+            names.filter_map(|name| Some((name.span(), name.get_ref().as_str()?.to_owned()))).collect::<Vec<_>>()
         };
-        let tables = names("tables");
-        for name in names("settings") {
-            let text = name.get_ref().as_str().unwrap_or_default();
-            if tables.iter().any(|table| table.get_ref().as_str() == Some(text)) {
-                self.note(name.span(), format!("a table of returns is called `{text}` too"), None);
+        let tables: HashSet<String> = names("tables").into_iter().map(|(_, name)| name.to_ascii_lowercase()).collect();
+        for (span, name) in names("settings") {
+            if tables.contains(&name.to_ascii_lowercase()) {
+                self.note(span, format!("a table of returns is called `{name}` too"), None);
             }
         }
     }
@@ -167,5 +168,7 @@ mod tests {
         assert!(settings("show = ['tolerance']").contains("unknown parameter `tolerance`"));
         let table = "show = []\n[[tables]]\nname = 't'\ntitle = ''\nrows = ['env']\ncolumns = 'algorithm'";
         assert!(settings(table).contains("a table of returns is called `t` too"), "{}", settings(table));
+        let floats = errors("[[settings]]\nname = 't-float'\ntitle = ''\nshow = []");
+        assert!(floats.contains("`t-float` is the name of a file that every report has of its own"), "{floats}");
     }
 }
