@@ -3,7 +3,7 @@
 use super::{
     Grid,
     csv::{number, written},
-    digits::{alone, between},
+    digits::{alone, between, within},
     markdown_grid, terminal, tex,
 };
 use crate::{
@@ -96,7 +96,7 @@ fn details(data: &ClaimsData) -> Grid {
         vec![
             row.claim.name.clone(),
             place(row),
-            row.difference.map_or(String::new(), |difference| alone(difference.mean)),
+            row.difference.map_or(String::new(), |it| within(it.mean, it.low, it.high)),
             row.difference.map_or(String::new(), |difference| between(difference.low, difference.high)),
             row.improvement.map_or(String::new(), |share| format!("{:.0} %", 100.0 * share)),
             seeds(row),
@@ -214,7 +214,7 @@ mod tests {
             "| MCPO \\| beats PPO | return of algorithm=mcpo above that of algorithm=ppo, margin 0.1 of Expert - Random | \
              holds in 1 of 2; contradicted in 1 of 2 (Ant-v2) |",
             "| =cmd() | MMD² of algorithm=mcpo within d in 95 % of iterations once met | inconclusive in 2 of 2 |",
-            "| MCPO \\| beats PPO | Hopper-v2 | 400 | 377.3 to 422.7 | 100 % | 3 and 3 | 0.003 | holds |",
+            "| MCPO \\| beats PPO | Hopper-v2 | 400.0 | 377.3 to 422.7 | 100 % | 3 and 3 | 0.003 | holds |",
             "| =cmd() | Ant-v2 | | | | 0 of 3 | | inconclusive: 0 seeds in Ant-v2; 3 are needed |",
         ] {
             let squeezed = text.lines().map(|line| line.split_whitespace().collect::<Vec<_>>().join(" "));
@@ -222,7 +222,7 @@ mod tests {
         }
         assert!(shown(&judged(), Some(60)).contains("holds in 1 of 2"), "{}", shown(&judged(), Some(60)));
         let [bare, _] = latex("claims", &judged());
-        assert!(bare.contains("MCPO $|$ beats PPO & Hopper-v2 & 400 &"), "{bare}");
+        assert!(bare.contains("MCPO $|$ beats PPO & Hopper-v2 & 400.0 &"), "{bare}");
     }
 
     #[test]

@@ -24,10 +24,19 @@ pub fn plus_minus(mean: f64, spread: f64, most: usize) -> String {
 
 /// The two ends of an interval, with three digits of its width and at most four after the point: `−1210 to 350`.
 pub fn between(low: f64, high: f64) -> String {
-    let width = high - low;
-    let exponent: i32 = format!("{width:.1e}").split_once('e').and_then(|(_, e)| e.parse().ok()).unwrap_or_default();
-    let decimals = if width > 0.0 { usize::try_from(2 - exponent).unwrap_or(0).min(4) } else { 2 };
+    let decimals = decimals_of(high - low);
     format!("{} to {}", number(low, decimals), number(high, decimals))
+}
+
+/// A number with as many digits as its interval has.
+pub fn within(value: f64, low: f64, high: f64) -> String {
+    number(value, decimals_of(high - low))
+}
+
+/// Digits after the point of the ends of an interval of this width.
+fn decimals_of(width: f64) -> usize {
+    let exponent: i32 = format!("{width:.1e}").split_once('e').and_then(|(_, e)| e.parse().ok()).unwrap_or_default();
+    if width > 0.0 { usize::try_from(2 - exponent).unwrap_or(0).min(4) } else { 2 }
 }
 
 /// A number without a deviation: five digits, at most two after the point.
@@ -95,6 +104,7 @@ mod tests {
         ] {
             assert_eq!(between(low, high), shown);
         }
+        assert_eq!(within(0.998_31, 0.9968, 0.9998), "0.9983");
     }
 
     #[test]
