@@ -6,7 +6,7 @@
 //!
 //! Owns one iteration of it: linearise (Eq. 5), solve the dual (Eq. 6 to 12, with Eq. 11 corrected in
 //! [`solver::dual`](crate::solver::dual)), search along the step, recover by Eq. (13) where the constraint is out of reach,
-//! and anneal the tolerance, `d_k+1 = d_k (1 + epsilon)`. Knows nothing of how D is measured: that is [`mimicry`]. Start at
+//! and anneal the tolerance, `d_k+1 = d_k (1 + epsilon)`. Knows nothing of how D is measured: that is [`mimicry`](super::mimicry). Start at
 //! [`Mcpo::update`].
 //!
 //! Eq. (14) judges by the linear model whether the constraint can be reached. Far from the demonstration MMD^2 is nearly flat,
@@ -24,25 +24,26 @@
 //! until the real KL, the real surrogate and the real D agree with it; advantages are not normalised; the value network is
 //! fitted after the policy's step, so that advantages come from a network that has not seen the batch; the tolerance grows in
 //! iterations of recovery too. Table 1's batch is read as the steps of an iteration (`rollout.steps`), since d grows by the
-//! iteration; the value network takes it in smaller minibatches. Table 1's Adam serves the value network and recovery: the policy's step is in closed form.
+//! iteration; the value network takes it in smaller minibatches. Table 1's Adam serves the value network and recovery: the
+//! policy's step is in closed form.
+
+mod hyperparameters;
 
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
 use super::{
     Agent, AlgoError, Batch, OnPolicy, Update,
-    critic::{self, Critic},
-    finite, gae, mimicry,
+    critic::Critic,
+    finite, gae,
     mimicry::{Costs, Measured, Mimicry, Samples},
     stopwatch::Stopwatch,
-    tolerance::Tolerance,
-    trust_region::{self, Found, GAIN_SHARE, KL_MARGIN, Region, Surrogate, Trial},
+    trust_region::{self, Found, GAIN_SHARE, KL_MARGIN, Surrogate, Trial},
 };
 use crate::{
     demo::Demonstration,
-    env::EnvId,
     nn::{GaussianPolicy, Normalizer, Pass},
-    quantity::{Count, CountOrNone, Discount, NonNegative, Positive, UnitInterval, constant},
+    quantity::Positive,
     rng::{Rng, Seed},
     solver::{
         LinearConstraint, Step,
@@ -51,112 +52,14 @@ use crate::{
     },
 };
 
+pub use hyperparameters::Hyperparameters;
+
 /// Raise it when what this file computes changes; whose runs that makes stale, [`revision`](super::revision) knows.
 pub const REVISION: u32 = 2;
 
 /// The constraint is met where D exceeds the tolerance by less than this share of it: a correction ends near the bound, on
 /// either side.
 const D_MARGIN: f64 = 1e-3;
-
-/// MCPO's hyperparameters; the defaults are the paper's Tables 1 and 2.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Hyperparameters {
-    /// The tolerance d on MMD^2 at the first iteration: a number, or a share of what doing nothing has.
-    pub d: Tolerance,
-    /// The annealing factor: `d_k+1 = d_k (1 + epsilon)`.
-    pub epsilon: NonNegative,
-    /// d grows no further than this; no ceiling when absent.
-    #[serde(skip_serializing_if = "Option::is_none", default)]
-    pub max_d: Option<Positive>,
-    /// How MMD^2 to the demonstration is measured.
-    pub mmd: mimicry::Hyperparameters,
-    /// delta, the bound of the mean KL of one update.
-    pub max_kl: Positive,
-    /// Added to the Fisher matrix's diagonal.
-    pub damping: NonNegative,
-    /// Conjugate gradient's products, at most, for each of g and b.
-    pub cg_iterations: Count,
-    /// Samples of the batch that make the Fisher matrix, at most; evenly spaced.
-    pub fisher_samples: Count,
-    /// Discount gamma.
-    pub discount: Discount,
-    /// GAE's lambda.
-    pub gae_lambda: UnitInterval,
-    /// Adam's step size for the value network.
-    pub learning_rate: Positive,
-    /// L2 penalty on the value network's parameters.
-    pub l2_penalty: NonNegative,
-    /// Passes of the value network over each batch.
-    pub value_epochs: Count,
-    /// Samples in a minibatch of the value network.
-    pub minibatch: Count,
-    /// Steps that the line search tries, each half the one before.
-    pub line_search_steps: Count,
-    /// Times that a trial whose D exceeds what is allowed is moved back before the step is halved (`samples =
-    /// "demo_states"`).
-    pub max_corrections: CountOrNone,
-    /// Adam steps of one recovery, at most (`samples = "demo_states"`).
-    pub recovery_steps: Count,
-    /// Adam's step size in recovery.
-    pub recovery_learning_rate: Positive,
-    /// The share of the tolerance down to which recovery goes; 1 stops where the constraint is met.
-    pub recovery_depth: UnitInterval,
-}
-
-impl Hyperparameters {
-    /// The defaults for `env`.
-    pub fn for_env(env: EnvId) -> Self {
-        let (d, epsilon) = match env {
-            EnvId::MountainCar => (1e-3, 5e-3),
-            EnvId::InvertedPendulum => (1e-3, 1e-2),
-            EnvId::InvertedDoublePendulum => (1e-3, 5e-2),
-            EnvId::HalfCheetah => (1e-3, 1e-3),
-            EnvId::Hopper => (1e-4, 1e-3),
-            EnvId::Walker2d => (1e-2, 1e-3),
-            EnvId::Ant => (1e-5, 1e-3),
-        };
-        Self {
-            d: Tolerance::Absolute(constant(d)),
-            epsilon: constant(epsilon),
-            max_d: None,
-            mmd: mimicry::Hyperparameters::default(),
-            max_kl: constant(5e-3),
-            damping: constant(1e-2),
-            cg_iterations: constant(10),
-            fisher_samples: constant(1024),
-            discount: constant(0.99),
-            gae_lambda: constant(0.95),
-            learning_rate: constant(1e-4),
-            l2_penalty: constant(1e-3),
-            value_epochs: constant(10),
-            minibatch: constant(if env == EnvId::MountainCar { 64 } else { 128 }),
-            line_search_steps: constant(10),
-            max_corrections: constant(3),
-            recovery_steps: constant(500),
-            recovery_learning_rate: constant(1e-3),
-            recovery_depth: constant(0.01),
-        }
-    }
-
-    fn region(&self) -> Region {
-        Region {
-            max_kl: self.max_kl.get(),
-            damping: self.damping.get(),
-            cg_iterations: self.cg_iterations.size(),
-            fisher_samples: self.fisher_samples.size(),
-        }
-    }
-
-    fn critic_fit(&self) -> critic::Fit {
-        critic::Fit {
-            epochs: self.value_epochs.size(),
-            minibatch: self.minibatch.size(),
-            learning_rate: self.learning_rate.get(),
-            l2_penalty: self.l2_penalty.get(),
-        }
-    }
-}
 
 /// MCPO.
 pub struct Mcpo {

@@ -63,6 +63,15 @@ pub fn of_table(runs: &[&Run], rows: &[Row]) -> Vec<String> {
             format!("Budget: {budget} environment steps; trained for {trained}, since rollouts are whole.")
         }
     });
+    let short = |run: &Run| run.spec.budget.env_steps.get() < reference::assumed_budget(&run.spec);
+    let short: Vec<&Run> = runs.iter().copied().filter(|run| short(run)).collect();
+    if !short.is_empty() && cells.iter().any(|cell| cell.paper.is_some()) {
+        let assumed = span(&short, |run| reference::assumed_budget(&run.spec), steps);
+        notes.push(format!(
+            "The paper prints no length: its values are compared with runs of {assumed} steps, a choice of this program; shorter \
+             ones stand beside them without a verdict."
+        ));
+    }
     let episodes = span(runs, |run| run.spec.evaluation.final_episodes.get(), |episodes| episodes.to_string());
     notes.push(format!("Final evaluation: {episodes} episodes with the mean action."));
     notes.extend(few_seeds(cells.iter().map(|cell| cell.seeds)));

@@ -171,10 +171,7 @@ impl Cell {
             None => Counterpart::default(),
         };
         let env_steps = runs.iter().map(|run| run.spec.budget.env_steps.get()).min().unwrap_or(0);
-        let needed = match runs[0].spec.algorithm_name() {
-            "random" => 0, // it does not learn
-            _ => reference::assumed_budget(runs[0].spec.env.name()),
-        };
+        let needed = reference::assumed_budget(&runs[0].spec);
         let reason = match ours {
             None => Some("no finished run".to_owned()),
             Some(_) if seeds.len() < SEEDS_FOR_VERDICT => {
@@ -231,6 +228,16 @@ mod tests {
         assert_eq!(cell.ours.map(|ours| (ours.mean, ours.low, ours.high)), Some((15.0, 15.0, 15.0)));
         assert!(matches!(&cell.verdict, Some(Verdict::NotComparable(reason)) if reason.contains("1 seed")));
         assert!(data.notes.iter().any(|note| note.contains("training diverged")), "{:?}", data.notes);
+    }
+
+    #[test]
+    fn a_length_that_the_paper_does_not_print_is_told_beside_its_values_alone() {
+        let told = |of: Table| {
+            let runs = [fixture::ppo("Hopper-v2", 0).finished(&[(100, &[10.0])])];
+            table(&of, &runs).notes.iter().any(|note| note.contains("runs of 3M steps, a choice of this program"))
+        };
+        assert!(told(comparison()));
+        assert!(!told(Table { reference: None, ..comparison() }));
     }
 
     #[test]

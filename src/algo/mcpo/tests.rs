@@ -1,7 +1,9 @@
 use super::*;
 use crate::{
-    algo::{bandit, ppo},
+    algo::{bandit, mimicry, ppo, tolerance::Tolerance},
     demo::Standardizer,
+    env::EnvId,
+    quantity::constant,
     rng::Stream,
 };
 
