@@ -54,7 +54,15 @@ fn check_digest(path: &Path) -> anyhow::Result<()> {
 /// Plays the episodes, and prints their returns in the dense reward and in the one that was trained on.
 pub fn run(arguments: &EvalArguments) -> anyhow::Result<ExitCode> {
     let path = named(&arguments.run);
-    let path = if path.is_dir() { RunPaths::policy(&path) } else { path };
+    let path = if path.is_dir() {
+        let policy = RunPaths::policy(&path);
+        if !policy.exists() && RunPaths::manifest(&path).exists() {
+            bail!("{} keeps no policy; run it again with another --results to have one", path.display());
+        }
+        policy
+    } else {
+        path
+    };
     let (_, stamp) = policy::read(&path)?;
     let spec = plan::recorded(&stamp.spec)
         .with_context(|| format!("{} was written by another version of this program", path.display()))?;

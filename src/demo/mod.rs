@@ -207,6 +207,9 @@ pub enum DemoError {
         /// What does not fit.
         reason: String,
     },
+    /// It has no poses.
+    #[error("cannot replay the demonstration {}: without the columns `qpos` and `qvel` there is no state to start from", .0.display())]
+    NoPoses(PathBuf),
     /// The environment failed while it was replayed.
     #[error("cannot replay the demonstration {}: {source}", path.display())]
     Environment {

@@ -95,8 +95,7 @@ impl Tolerance {
 pub fn verify(demonstration: &Demonstration, path: &Path, env: EnvId) -> Result<Replay, DemoError> {
     demonstration.check(path, env)?;
     let Some(poses) = &demonstration.poses else {
-        let reason = "without the columns `qpos` and `qvel` there is no state to replay from".into();
-        return Err(DemoError::Misfit { path: path.to_owned(), env, reason });
+        return Err(DemoError::NoPoses(path.to_owned()));
     };
     let failed = |source| DemoError::Environment { path: path.to_owned(), source };
     let mut task = Task::new(env, Reward::Dense, env.max_steps()).map_err(failed)?;

@@ -55,13 +55,12 @@ pub fn of_table(runs: &[&Run], rows: &[Row]) -> Vec<String> {
         notes.extend(demonstrations(runs, cells.iter().any(|cell| cell.paper.is_some())));
     }
     let budget = span(runs, |run| run.spec.budget.env_steps.get(), steps);
-    let longer: Vec<&Run> = runs.iter().copied().filter(|run| run.spec.trains_noticeably_longer()).collect();
-    notes.push(match longer.as_slice() {
-        [] => format!("Budget: {budget} environment steps."),
-        longer => {
-            let trained = span(longer, |run| run.spec.trained_steps(), steps);
-            format!("Budget: {budget} environment steps; trained for {trained}, since rollouts are whole.")
-        }
+    notes.push(if runs.iter().any(|run| run.spec.trains_noticeably_longer()) {
+        let training: Vec<&Run> = runs.iter().copied().filter(|run| run.spec.trained_steps() > 0).collect();
+        let trained = span(&training, |run| run.spec.trained_steps(), steps);
+        format!("Budget: {budget} environment steps; trained for {trained}, since rollouts are whole.")
+    } else {
+        format!("Budget: {budget} environment steps.")
     });
     let short = |run: &Run| run.spec.budget.env_steps.get() < reference::assumed_budget(&run.spec);
     let short: Vec<&Run> = runs.iter().copied().filter(|run| short(run)).collect();

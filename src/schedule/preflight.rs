@@ -28,7 +28,11 @@ pub enum Problem {
     #[error("two different runs would be recorded as {}", .0.display())]
     SamePlace(PathBuf),
     /// What is recorded is of another specification.
-    #[error("{} holds another run; it differs in {}; --fresh sets it aside and starts again", folder.display(), keys.join(", "))]
+    #[error(
+        "{} holds another run; it differs in {}; --results DIR records elsewhere, --fresh sets it aside and starts again",
+        folder.display(),
+        keys.join(", ")
+    )]
     Differs {
         /// Where it is recorded.
         folder: PathBuf,

@@ -9,7 +9,8 @@ use super::{
 };
 use crate::env::{EnvId, Reward};
 
-/// No campaign has more runs; a longer list is a slip of the pen. So many are planned within a second and 300 MB.
+/// No campaign has more runs; a longer list is a slip of the pen. `plan` shows so many in 1.3 s
+/// and 310 MB (AMD EPYC, 2.6 GHz).
 const MOST_RUNS: usize = 20_000;
 
 /// No rollout has more steps: of Ant's, so many fill the memory of a large machine.

@@ -185,6 +185,10 @@ fn a_policy_that_does_not_fit_what_it_says_is_not_played() {
     policy::write(&bench.path("other.safetensors"), &agent, &many).expect("written");
     let (played, _) = bench.expect(0, &["eval", "other.safetensors", "--episodes", "2"]);
     assert_eq!(bench.expect(0, &["eval", folder.to_str().expect("text"), "--episodes", "2"]).0, played);
+
+    fs::remove_file(folder.join("policy.safetensors")).expect("there");
+    let (_, stderr) = bench.expect(2, &["eval", folder.to_str().expect("text")]);
+    assert!(stderr.contains("keeps no policy"), "{stderr}");
     // Other weights than run.json names.
     let mut changed = agent.clone();
     changed.value.parameters_mut()[0] += 1.0;
