@@ -89,7 +89,7 @@ fn whole_rollouts(planned: &[Planned]) -> String {
     let (trained, budget) = (thousands(first.trained_steps() as f64), thousands(first.budget.env_steps.get() as f64));
     let (runs, take) = (counted(longer.count(), "run"), thousands(first.rollout.steps.get() as f64));
     format!(
-        "{runs} will train longer than the budget, since rollouts are whole: those of {take} steps {trained} for {budget}\n"
+        "{runs} will train longer than the budget, since rollouts are whole: {trained} steps for {budget} with rollouts of {take}\n"
     )
 }
 

@@ -213,7 +213,7 @@ fn a_name_that_reports_have_of_their_own_is_refused() {
 fn a_budget_in_whole_rollouts_and_results_elsewhere_are_told() {
     let bench = Workbench::new(257);
     let (stdout, _) = bench.expect(0, &["plan", "tiny.toml"]);
-    assert!(stdout.contains("rollouts of 256 steps are whole: 512 steps for 257"), "{stdout}");
+    assert!(stdout.contains("rollouts are whole: 512 steps for 257 with rollouts of 256"), "{stdout}");
     let (stdout, _) = bench.expect(0, &["status", "tiny.toml", "--only", "seed=0,env=InvertedPendulum-v2"]);
     assert!(stdout.contains("1 run: 1 to do") && stdout.contains("nothing is recorded under results"), "{stdout}");
     let (stdout, _) = bench.expect(0, &["tiny.toml", "--quiet", "--only", "seed=0"]);
