@@ -75,10 +75,17 @@ impl Workbench {
         texts(&self.call(arguments), code, arguments)
     }
 
-    /// Starts the program, to be disturbed.
+    /// Starts the program, to be disturbed, and not to ignore what the tests themselves were started to ignore: a shell's
+    /// background job ignores Ctrl-C.
     pub fn start(&self, arguments: &[&str]) -> Child {
-        let mut program = self.program(arguments);
-        program.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the program starts")
+        let mut program = Command::new("env");
+        program.args(["--default-signal", env!("CARGO_BIN_EXE_mcpo-run")]).args(arguments);
+        program
+            .current_dir(self.folder.path())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the program starts")
     }
 
     /// The places of a run in the folder `results`.
