@@ -12,10 +12,10 @@ use super::{
 impl Selection {
     /// Whether `run` is meant. Numbers are compared as numbers: `1e-3` is 0.001.
     pub fn matches(&self, run: &RunSpec) -> bool {
-        self.wanted.iter().all(|(key, values)| match run.value(key) {
-            Some(value) => values.iter().any(|wanted| same(key, &value, wanted)),
-            None => false,
-        })
+        let among = |(key, values): &(String, Vec<Value>)| {
+            run.value(key).is_some_and(|value| values.iter().any(|listed| same(key, &value, listed)))
+        };
+        self.wanted.iter().all(among) && !self.unwanted.iter().any(among)
     }
 }
 
@@ -65,8 +65,9 @@ mod tests {
             ("env=Hoper-v2", "unknown env `Hoper-v2` in a selection; the nearest known one is `Hopper-v2`"),
             ("algorithm=mcp", "unknown algorithm `mcp` in a selection; the nearest known one is `mcpo`"),
             ("epsilom=0", "unknown key `epsilom` in a selection; the nearest known one is `epsilon`"),
-            ("mcpo", "`mcpo` is not of the form KEY=VALUE"),
-            ("", "`` is not of the form KEY=VALUE"),
+            ("epsilom!=0", "unknown key `epsilom` in a selection; the nearest known one is `epsilon`"),
+            ("mcpo", "`mcpo` is not of the form KEY=VALUE or KEY!=VALUE"),
+            ("", "`` is not of the form KEY=VALUE or KEY!=VALUE"),
         ] {
             assert_eq!(Selection::parse(text).expect_err(text).to_string(), message);
         }
@@ -85,6 +86,10 @@ mod tests {
             ("d=0.001", 4),
             ("d=1e-3, algorithm=mcpo", 4),
             ("d=1e-3,algorithm=ppo", 0),
+            ("d!=1e-3", 8),
+            ("d!=1e-3,d!=1e-2", 4),
+            ("d != 1e-3, algorithm = mcpo", 4),
+            ("seed!=0,d=1e-3", 2),
             ("mcpo.d=0.01,seed=1", 2),
             ("seed=1", 6),
             ("seed=2", 0),

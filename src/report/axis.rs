@@ -11,18 +11,23 @@ use crate::{env::EnvId, plan::Selection};
 /// Runs that agree on all keys of a grouping; they differ in their seeds.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Group<'a> {
-    /// The value of each key; `None` where the runs do not have that axis.
+    /// The value of each key; `None` where the runs do not have that axis, or each has its environment's default.
     pub values: Vec<Option<toml::Value>>,
     /// The runs, in the plan's order.
     pub runs: Vec<&'a Run>,
 }
 
 /// Groups `runs` by the values of `keys`, in the order in which the groups first appear.
+///
+/// A default that is another in each environment, as Table 2's `d`, counts as one value where groups go across environments.
 pub fn group<'a>(runs: &[&'a Run], keys: &[String]) -> Vec<Group<'a>> {
+    let across = !keys.iter().any(|key| key == "env");
+    let by_env: Vec<bool> = keys.iter().map(|key| across && default_goes_by_environment(runs, key)).collect();
     let mut groups: Vec<Group<'a>> = Vec::new();
     let mut known: HashMap<String, usize> = HashMap::new();
     for &run in runs {
-        let values: Vec<_> = keys.iter().map(|key| run.value(key)).collect();
+        let value = |(key, by_env): (&String, &bool)| run.value(key).filter(|_| !by_env || run.departs_in(key));
+        let values: Vec<_> = keys.iter().zip(&by_env).map(value).collect();
         match known.get(&format!("{values:?}")) {
             Some(&index) => groups[index].runs.push(run),
             None => {
@@ -32,6 +37,15 @@ pub fn group<'a>(runs: &[&'a Run], keys: &[String]) -> Vec<Group<'a>> {
         }
     }
     groups
+}
+
+/// Whether `key` has several defaults among `runs`, none of which was chosen where it is not the default.
+fn default_goes_by_environment(runs: &[&Run], key: &str) -> bool {
+    let (chosen, defaults): (Vec<&Run>, Vec<&Run>) = runs.iter().copied().partition(|run| run.departs_in(key));
+    let values =
+        |runs: &[&Run]| runs.iter().filter_map(|run| Some(run.value(key)?.to_string())).collect::<BTreeSet<_>>();
+    let defaults = values(&defaults);
+    key != "algorithm" && !chosen.is_empty() && defaults.len() > 1 && defaults.is_disjoint(&values(&chosen))
 }
 
 /// The axes, other than the seed and `keys`, in which runs differ that agree on `keys`.
@@ -75,14 +89,15 @@ pub fn labels(keys: &[String], groups: &[Group<'_>]) -> Vec<Label> {
         shown = (0..keys.len().min(1)).collect();
     }
     let texts = value_labels(groups).into_iter().map(|texts| {
-        let parts = shown.iter().filter_map(|&index| {
+        let part = |index: usize| {
             let text = texts[index].as_ref()?;
             Some(match keys[index].as_str() {
                 "algorithm" | "env" => display_name(text).to_owned(),
                 key => format!("{} = {text}", key_label(key)),
             })
-        });
-        parts.collect::<Vec<_>>().join(", ")
+        };
+        let parts: Vec<String> = shown.iter().filter_map(|&index| part(index)).collect();
+        if parts.is_empty() { (0..keys.len()).find_map(part).unwrap_or("default".to_owned()) } else { parts.join(", ") }
     });
     texts.zip(groups).map(|(text, group)| Label { text, values: group.values.clone() }).collect()
 }
@@ -109,17 +124,19 @@ pub fn key_label(key: &str) -> String {
     }
 }
 
-/// What the runs of `selection` have in common: `ε = 0`, `MCPO or PPO, d = 10⁻³`.
+/// What the runs of `selection` have in common: `ε = 0`, `MCPO or PPO, d = 10⁻³`, `not PPO, d ≠ 10⁻³`.
 pub fn selection_label(selection: &Selection) -> String {
-    let part = |(key, values): &(String, Vec<toml::Value>)| {
+    let part = |(key, values): &(String, Vec<toml::Value>), not: &str, sign: &str| {
         let notation = Notation::of(values);
         let names: Vec<String> = values.iter().map(|value| display_name(&notation.label(value)).to_owned()).collect();
         match key.as_str() {
-            "algorithm" | "env" => names.join(" or "),
-            key => format!("{} = {}", key_label(key), names.join(" or ")),
+            "algorithm" | "env" => format!("{not}{}", names.join(" or ")),
+            key => format!("{} {sign} {}", key_label(key), names.join(" or ")),
         }
     };
-    selection.wanted.iter().map(part).collect::<Vec<_>>().join(", ")
+    let wanted = selection.wanted.iter().map(|one| part(one, "", "="));
+    let unwanted = selection.unwanted.iter().map(|one| part(one, "not ", "≠"));
+    wanted.chain(unwanted).collect::<Vec<_>>().join(", ")
 }
 
 /// The paper's name of the environment with Gym id `gym`: `Pendulum-v2` for `InvertedPendulum-v2`; other text as it is.
@@ -263,6 +280,26 @@ mod tests {
         let runs = [fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 0), fixture::mcpo("Ant-v2", 1e-5, 1e-3, 0)];
         let runs: Vec<&Run> = runs.iter().collect();
         assert_eq!(hidden_axes(&runs, &["env".into()]), [""; 0]);
+    }
+
+    #[test]
+    fn the_defaults_of_all_environments_are_one_value_where_none_was_chosen() {
+        let relative =
+            |env: &str| fixture::run("mcpo", &format!("env = [{env:?}]\nseed = [0]\nd = [{{ relative = 0.01 }}]"));
+        let (hopper, ant) = (fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 0), fixture::mcpo("Ant-v2", 1e-5, 1e-3, 0));
+        let keys = ["algorithm".to_owned(), "d".to_owned()];
+        let told = |runs: &[&Run], keys: &[String]| texts(keys, &group(runs, keys));
+        let (of_hopper, of_ant) = (relative("Hopper-v2"), relative("Ant-v2"));
+        assert_eq!(told(&[&hopper, &of_hopper, &ant, &of_ant], &keys), ["MCPO", "d = relative 0.01"]);
+        let rows = ["env".to_owned(), "d".to_owned()];
+        assert_eq!(
+            group(&[&hopper, &of_hopper, &ant, &of_ant], &rows).len(),
+            4,
+            "each environment's own, where it is named"
+        );
+        // Ant's 1e-4 is chosen, and Hopper's the default: they are asked for as one value.
+        let (swapped, chosen) = (fixture::mcpo("Ant-v2", 1e-4, 1e-3, 0), fixture::mcpo("Hopper-v2", 1e-5, 1e-3, 0));
+        assert_eq!(told(&[&hopper, &chosen, &swapped, &ant], &keys), ["d = 10⁻⁴", "d = 10⁻⁵"]);
     }
 
     #[test]

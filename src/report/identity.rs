@@ -70,11 +70,7 @@ impl Identities {
 }
 
 fn identity(keys: &[String], run: &Run) -> Identity {
-    let departs = |key: &String| {
-        let is = |departure: &String| departure == key || departure.ends_with(&format!(".{key}"));
-        key == "algorithm" || run.departures().iter().any(is)
-    };
-    keys.iter().map(|key| run.value(key).filter(|_| departs(key))).collect()
+    keys.iter().map(|key| run.value(key).filter(|_| key == "algorithm" || run.departs_in(key))).collect()
 }
 
 /// Numbers by their size, all else by how it is written; what is absent first, so that a default is.

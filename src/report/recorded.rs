@@ -204,6 +204,13 @@ impl Run {
     pub fn departures(&self) -> &BTreeSet<String> {
         self.departures.get_or_init(|| self.spec.departures())
     }
+
+    /// Whether the setting or hyperparameter `key`, in full or by its last part, is not the default.
+    pub fn departs_in(&self, key: &str) -> bool {
+        self.departures()
+            .iter()
+            .any(|departure| departure.strip_suffix(key).is_some_and(|path| path.is_empty() || path.ends_with('.')))
+    }
 }
 
 /// The mean return of the demonstration that the finished ones of `runs` learned from, as far as they learn from one; `None`

@@ -1,4 +1,4 @@
-//! Which runs are meant: `env=Hopper-v2,algorithm=mcpo,d=0.001`.
+//! Which runs are meant: `env=Hopper-v2,algorithm=mcpo,d!=0.001`.
 
 use super::{
     Algorithm, Parameter,
@@ -13,13 +13,15 @@ use crate::env::EnvId;
 pub struct Selection {
     /// Keys with the values that they may have.
     pub(crate) wanted: Vec<(String, Vec<toml::Value>)>,
+    /// Keys with the values that they may not have; a run without the key has none of them.
+    pub(crate) unwanted: Vec<(String, Vec<toml::Value>)>,
 }
 
 /// A selection that cannot be understood.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum SelectionError {
-    /// A piece is no `KEY=VALUE`.
-    #[error("`{0}` is not of the form KEY=VALUE")]
+    /// A piece is neither `KEY=VALUE` nor `KEY!=VALUE`.
+    #[error("`{0}` is not of the form KEY=VALUE or KEY!=VALUE")]
     Form(String),
     /// No run has such a key.
     #[error("unknown key `{key}` in a selection; {known}")]
@@ -42,21 +44,25 @@ pub enum SelectionError {
 }
 
 impl Selection {
-    /// The runs that `text` (`KEY=VALUE,KEY=VALUE...`) means.
+    /// The runs that `text` (`KEY=VALUE,KEY!=VALUE...`) means.
     ///
     /// Errors: a piece has another form, or names a key, environment or algorithm that does not exist.
     pub fn parse(text: &str) -> Result<Self, SelectionError> {
-        let mut wanted: Vec<(String, Vec<toml::Value>)> = Vec::new();
+        let mut selection = Self::default();
         for piece in pieces(text) {
             let (key, value) = piece.split_once('=').ok_or_else(|| SelectionError::Form(piece.into()))?;
+            let (key, list) = match key.strip_suffix('!') {
+                Some(key) => (key, &mut selection.unwanted),
+                None => (key, &mut selection.wanted),
+            };
             let (key, value) = (key.trim().trim_matches('"'), value.trim());
             let value = meaning(key, value)?;
-            match wanted.iter_mut().find(|(known, _)| known == key) {
+            match list.iter_mut().find(|(known, _)| known == key) {
                 Some((_, values)) => values.push(value),
-                None => wanted.push((key.into(), vec![value])),
+                None => list.push((key.into(), vec![value])),
             }
         }
-        Ok(Self { wanted })
+        Ok(selection)
     }
 }
 

@@ -122,7 +122,7 @@ pub const MISTAKES: &[(&str, &[Told])] = &[
     ("rollout_that_does_not_divide", &[(12, 9, "4096 cannot be shared among rollout.environments 7", "a multiple")]),
     ("seed_beyond_64_bits", &[(7, 9, "the seed 18446744073709551616 is out of range", "0 or above")]),
     ("seed_twice", &[(7, 20, "`seed` lists 0 twice", "")]),
-    ("selection_without_a_value", &[(16, 8, "`algorithm` is not of the form KEY=VALUE", "")]),
+    ("selection_without_a_value", &[(16, 8, "`algorithm` is not of the form KEY=VALUE or KEY!=VALUE", "")]),
     ("string_without_end", &[(1, 15, "invalid basic string", "expected `\"`")]),
     ("table_name_that_leads_outside", &[(12, 11, "`a/b` cannot name a file", "expected letters")]),
     ("table_with_an_unknown_reference", &[(16, 13, "unknown reference `tabel5`", "`table5`")]),

@@ -149,7 +149,7 @@ mod tests {
         }
         for (bad, told) in [
             ("panels = 'tolerance'", "unknown axis `tolerance`"),
-            ("panels = ['epsilon']", "`epsilon` is not of the form KEY=VALUE"),
+            ("panels = ['epsilon']", "`epsilon` is not of the form KEY=VALUE or KEY!=VALUE"),
             ("panels = []", "at least one panel"),
             ("width = 'page'", "unknown width `page`"),
             ("width = 0.1", "0.1 is out of range"),
