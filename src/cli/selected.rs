@@ -158,9 +158,11 @@ fn nearest_command(word: &Path) -> String {
     let word = word.to_string_lossy();
     let commands = definition.get_subcommands().filter(|command| !command.is_hide_set()).map(clap::Command::get_name);
     let nearest = commands.map(|name| (strsim::damerau_levenshtein(&word, name), name)).min();
-    nearest
-        .filter(|&(distance, name)| distance <= name.len() / 2)
-        .map_or_else(String::new, |(_, name)| format!("; did you mean `{name}`?"))
+    match nearest.filter(|&(distance, name)| distance <= name.len() / 2) {
+        None => String::new(),
+        Some((0, name)) => format!("; the command `{name}` stands first: `mcpo-run {name} ...`"),
+        Some((_, name)) => format!("; did you mean `{name}`?"),
+    }
 }
 
 #[cfg(test)]
@@ -181,6 +183,8 @@ mod tests {
     fn a_mistyped_command_is_recognised() {
         let message = selected(&[Path::new("statsu")]).files().expect_err("no such file").to_string();
         assert!(message.ends_with("did you mean `status`?"), "{message}");
+        let message = selected(&[Path::new("plan")]).files().expect_err("no such file").to_string();
+        assert!(message.ends_with("the command `plan` stands first: `mcpo-run plan ...`"), "{message}");
         let message = selected(&[Path::new("zzzzzzzzzz")]).files().expect_err("no such file").to_string();
         assert!(!message.contains("did you mean"), "{message}");
     }
