@@ -5,14 +5,19 @@ use std::{collections::BTreeSet, path::Path};
 use toml::Value;
 
 use super::{
-    RunSpec, Selection,
+    RunSpec, Selection, Values,
     id::{among, short},
 };
 
 impl Selection {
     /// Whether `run` is meant. Numbers are compared as numbers: `1e-3` is 0.001.
     pub fn matches(&self, run: &RunSpec) -> bool {
-        self.wanted.iter().all(|(key, values)| match run.value(key) {
+        self.matches_values(&run.values())
+    }
+
+    /// The same of a run whose values are known.
+    pub fn matches_values(&self, run: &Values) -> bool {
+        self.wanted.iter().all(|(key, values)| match run.get(key) {
             Some(value) => values.iter().any(|wanted| same(key, &value, wanted)),
             None => false,
         })

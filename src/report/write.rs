@@ -235,8 +235,7 @@ fn tables(spec: &ExperimentSpec, runs: &[Run]) -> Vec<Table> {
 /// The runs that `only` means; all where it is absent.
 fn selected<'a>(runs: &'a [Run], only: Option<&str>) -> Result<Vec<&'a Run>, ReportError> {
     let selection = only.map(Selection::parse).transpose()?;
-    let meant = |spec: &RunSpec| selection.as_ref().is_none_or(|selection| selection.matches(spec));
-    Ok(runs.iter().filter(|run| meant(&run.spec)).collect())
+    Ok(runs.iter().filter(|run| selection.as_ref().is_none_or(|selection| run.is_in(selection))).collect())
 }
 
 /// Takes away the environments of which no run has ended, unless that is so of all, and names them: who asked for one
