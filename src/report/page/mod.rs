@@ -19,6 +19,7 @@ use std::path::Path;
 use super::{
     claims::ClaimsData,
     curve::CurveData,
+    notes,
     recorded::{Run, State},
     settings::SettingsData,
     table::TableData,
@@ -137,9 +138,13 @@ fn summary(page: &Contents<'_>) -> String {
     if failed > 0 {
         tiles.push(tile("failures", "Failures", &failed.to_string(), &plural(failed, "run"), String::new()));
     }
-    let lines: String = page.state.iter().map(|line| format!("<li>{}</li>\n", prose(line))).collect();
+    // The first line says what the first tile does, and more only where runs were left out.
+    let told = format!("{finished} of {} finished.", notes::count(page.runs.len(), "run"));
+    let lines = page.state.iter().filter(|line| **line != told);
+    let lines: String = lines.map(|line| format!("<li>{}</li>\n", prose(line))).collect();
+    let lines = if lines.is_empty() { lines } else { format!("<ul class=\"state\">\n{lines}</ul>\n") };
     format!(
-        "<ul class=\"tiles\">\n{}</ul>\n<ul class=\"state\">\n{lines}</ul>\n\
+        "<ul class=\"tiles\">\n{}</ul>\n{lines}\
          <p class=\"command\"><span>Made by</span> <code>{}</code></p>\n",
         tiles.concat(),
         escape::html(&page.command)

@@ -1,7 +1,7 @@
 //! What the page may do: show its own style and run its own script, both by their digests, and nothing else.
 
 /// The digests of `style.css` and `script.js`, as a Content Security Policy names them. The test below tells the right ones.
-const STYLE: &str = "sha256-X1K30ymcJQa3pIOObUBcvYIO4YR62ynEVjRadcBaNU8=";
+const STYLE: &str = "sha256-Q9SwH9BhvsmY74i9fYUSqvgaMe4t5tAJpA9VORMz3F0=";
 const SCRIPT: &str = "sha256-6hkCxFO4dKp494G+y6eMXTjI+6UvGMViXn3t0GkNriw=";
 
 /// The policy of the page.

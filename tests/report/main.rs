@@ -1,15 +1,17 @@
 //! `mcpo-run report` on recorded files, as a user calls it.
 
+mod page;
+mod recorded;
+
 use std::{fs, path::Path, process::Output};
 
 use assert_cmd::Command;
 use mcpo_run::{
-    algo::Update,
     plan::{RunSpec, plan},
-    record::{Build, Manifest, Outcome, RunPaths, Stamp, rows},
+    record::RunPaths,
     spec::{self, Overrides},
-    train::{EvaluationEpisode, Iteration},
 };
+use recorded::write;
 
 const MATRIX: &str = r#"
 name = "small"
@@ -47,68 +49,6 @@ fn record(spec: &RunSpec, results: &Path, end: Result<f64, &str>) {
             write(spec, results, Ok((&returns, &mmd)));
         }
     }
-}
-
-/// Evaluation episodes as environment steps, whether of the last evaluation, and return; iterations as environment steps and MMD.
-type Rows<'a> = (&'a [(u64, bool, f64)], &'a [(u64, f64)]);
-
-/// Writes what `spec` would have left: an error, or rows.
-fn write(spec: &RunSpec, results: &Path, end: Result<Rows<'_>, &str>) {
-    let paths = RunPaths::new(results, &spec.experiment, &spec.id).expect("a good id");
-    fs::create_dir_all(&paths.complete).expect("made");
-    let json = serde_json::to_value(spec).expect("a specification serialises");
-    let build = Build::current(serde_json::Value::Null);
-    let mut manifest = Manifest::new(Stamp {
-        spec: json,
-        fingerprint: "f".into(),
-        demonstration: None,
-        demonstrated: None,
-        build,
-        origin: None,
-    });
-    manifest.outcome = match end {
-        Err(error) => Outcome::Failed { error: error.into(), log_tail: Vec::new() },
-        Ok((returns, mmd)) => {
-            let keys = rows::Keys {
-                experiment: spec.experiment.clone(),
-                run: spec.id.clone(),
-                env: spec.env.name().into(),
-                algorithm: spec.algorithm_name().into(),
-                d: spec.d(),
-                epsilon: spec.epsilon(),
-                seed: spec.seed.0,
-                axes: Default::default(),
-            };
-            let episode = |(episode, &(env_steps, last, dense_return)): (usize, &(u64, bool, f64))| EvaluationEpisode {
-                env_steps,
-                last,
-                episode: episode as u64,
-                dense_return,
-                training_return: 0.0,
-                length: 10,
-            };
-            let iteration = |(index, &(env_steps, mmd)): (usize, &(u64, f64))| Iteration {
-                iteration: index as u64 + 1,
-                env_steps,
-                episodes: 0,
-                dense_return: None,
-                training_return: None,
-                episode_length: None,
-                update: Update { mmd: Some(mmd), d: Some(1e-3), ..Update::default() },
-                rollout_seconds: 0.0,
-                update_seconds: 0.0,
-                physics_seconds: 0.0,
-            };
-            let episodes: Vec<EvaluationEpisode> = returns.iter().enumerate().map(episode).collect();
-            let iterations: Vec<Iteration> = mmd.iter().enumerate().map(iteration).collect();
-            rows::write_evaluations(&RunPaths::evaluations(&paths.complete), &keys, &manifest.stamp, &episodes)
-                .expect("written");
-            rows::write_progress(&RunPaths::progress(&paths.complete), &keys, &manifest.stamp, &iterations)
-                .expect("written");
-            Outcome::Finished
-        }
-    };
-    manifest.write(&RunPaths::manifest(&paths.complete)).expect("written");
 }
 
 fn report(folder: &Path) -> Output {
@@ -412,83 +352,4 @@ fn what_a_demonstration_returned_is_recorded_with_its_runs_and_stands_beside_the
     assert_eq!(cells(), [",553"; 2]);
     let status = call(folder.path(), &["status", "small.toml"]);
     assert!(status.contains("2 finished"), "{status}");
-}
-
-/// A campaign of 2,000 runs, of 100 evaluations and 240 iterations each.
-const CAMPAIGN: &str = r#"
-name = "campaign"
-description = "2,000 runs"
-budget.env_steps = 245_760
-evaluation.every = 2_457
-
-[[matrix]]
-seed = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9]
-env = ["Hopper-v2", "HalfCheetah-v2", "Walker2d-v2", "Ant-v2"]
-algorithm = ["mcpo"]
-d = [1e-1, 1e-2, 1e-3, 1e-4, 1e-5]
-epsilon = [0.0, 1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9]
-
-[[figures]]
-name = "returns"
-title = "Returns"
-y = "return"
-series = ["d", "epsilon"]
-
-[[figures]]
-name = "mmd"
-title = "The constraint"
-y = "mmd"
-series = ["d"]
-log_y = true
-only = "epsilon=0"
-
-[[tables]]
-name = "table"
-title = "Returns"
-rows = ["env", "d"]
-columns = "epsilon"
-
-[[claims]]
-name = "Annealing helps"
-of = "epsilon=1e-3"
-is = "above"
-than = "epsilon=0"
-only = "d=1e-3"
-"#;
-
-/// The runs of a campaign that is written once.
-fn campaign() -> std::path::PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("campaign");
-    let file = folder.join("campaign.toml");
-    let whole = folder.join("whole");
-    if fs::read_to_string(&whole).is_ok_and(|text| text == CAMPAIGN) {
-        return folder;
-    }
-    fs::create_dir_all(&folder).expect("made");
-    fs::write(&file, CAMPAIGN).expect("written");
-    let spec = spec::load(&file, &Overrides::default()).expect("a valid file");
-    let runs = plan(&spec).expect("a plan");
-    assert_eq!(runs.len(), 2000);
-    for (index, run) in runs.iter().enumerate() {
-        let noise = |place: u64| (0.7 * (index as f64) + 1.3 * place as f64).sin();
-        let returns = (1..=100).map(|n| (2457 * n, n == 100, 10.0 * n as f64 + 100.0 * noise(n)));
-        let mmd = (1..=240).map(|n| (1024 * n, 1e-3 * (1.5 + noise(n))));
-        let (returns, mmd): (Vec<_>, Vec<_>) = (returns.collect(), mmd.collect());
-        write(run, &folder.join("results"), Ok((&returns, &mmd)));
-    }
-    fs::write(&whole, CAMPAIGN).expect("written");
-    folder
-}
-
-#[test]
-#[ignore = "writes 2,000 runs, which takes minutes the first time"]
-fn a_campaign_of_2000_runs_is_reported_in_10_seconds_on_a_page_of_5_megabytes() {
-    let folder = campaign();
-    let binary = assert_cmd::cargo::cargo_bin("mcpo-run");
-    let mut within_10_seconds_of_cpu = Command::new("sh");
-    within_10_seconds_of_cpu.args(["-c", "ulimit -t 10; exec \"$0\" report campaign.toml"]).arg(binary);
-    let output = within_10_seconds_of_cpu.current_dir(&folder).output().expect("it runs");
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let page = fs::metadata(folder.join("results/campaign/report/index.html")).expect("there").len();
-    assert!(page < 5_000_000, "{page} bytes");
 }
