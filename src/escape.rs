@@ -1,4 +1,4 @@
-//! Text from outside, made harmless for where it is shown: a terminal, Markdown, LaTeX, a spreadsheet.
+//! Text from outside, made harmless for where it is shown: a terminal, Markdown, LaTeX, a spreadsheet, a web page.
 //!
 //! Owns the escapes of each format. Knows nothing of what the text says: error messages, descriptions, names and log lines may
 //! hold anything. Start at [`plain`], which the others build upon.
@@ -182,6 +182,39 @@ fn raised_or_lowered(character: char) -> Option<(char, char)> {
     find('^', "⁻⁺⁰¹²³⁴⁵⁶⁷⁸⁹").or_else(|| find('_', "₋₊₀₁₂₃₄₅₆₇₈₉"))
 }
 
+/// Text of a web page, also between quotes as an attribute's value.
+pub fn html(text: &str) -> String {
+    terminal(text).chars().fold(String::with_capacity(text.len()), |mut escaped, character| {
+        match character {
+            '&' => escaped.push_str("&amp;"),
+            '<' => escaped.push_str("&lt;"),
+            '>' => escaped.push_str("&gt;"),
+            '"' => escaped.push_str("&quot;"),
+            '\'' => escaped.push_str("&#39;"),
+            _ => escaped.push(character),
+        }
+        escaped
+    })
+}
+
+/// JSON within a `<script>` of a web page, which no text in it can end.
+pub fn script(json: &str) -> String {
+    json.replace('<', "\\u003c") // in JSON it stands within strings alone
+}
+
+/// A path as a link of a web page: all but the plainest characters by their bytes.
+pub fn link(path: &str) -> String {
+    path.bytes().fold(String::with_capacity(path.len()), |mut escaped, byte| {
+        match byte {
+            b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'-' | b'.' | b'_' | b'~' | b'/' | b'=' | b',' => {
+                escaped.push(char::from(byte));
+            }
+            _ => escaped.push_str(&format!("%{byte:02X}")),
+        }
+        escaped
+    })
+}
+
 /// A cell of a CSV file that no spreadsheet takes for a formula: text that begins like one gets an apostrophe before it.
 /// Numbers stay as they are; quotes and commas are the writer's.
 pub fn csv(text: &str) -> String {
@@ -231,6 +264,13 @@ mod tests {
         ] {
             assert_eq!(latex(text), escaped, "{text}");
         }
+    }
+
+    #[test]
+    fn a_web_page_shows_markup_and_runs_none() {
+        assert_eq!(html("<b id=\"x\" y='z'>&\u{202e}"), "&lt;b id=&quot;x&quot; y=&#39;z&#39;&gt;&amp;\\u{202e}");
+        assert_eq!(script("{\"a\":\"</script><!--\"}"), "{\"a\":\"\\u003c/script>\\u003c!--\"}");
+        assert_eq!(link("../runs/a b/d=0.1,x/\"é:"), "../runs/a%20b/d=0.1,x/%22%C3%A9%3A");
     }
 
     #[test]

@@ -5,17 +5,22 @@ use std::{collections::BTreeSet, path::Path};
 use toml::Value;
 
 use super::{
-    RunSpec, Selection,
+    RunSpec, Selection, Values,
     id::{among, short},
 };
 
 impl Selection {
     /// Whether `run` is meant. Numbers are compared as numbers: `1e-3` is 0.001.
     pub fn matches(&self, run: &RunSpec) -> bool {
-        let among = |(key, values): &(String, Vec<Value>)| {
-            run.value(key).is_some_and(|value| values.iter().any(|listed| same(key, &value, listed)))
+        self.matches_values(&run.values())
+    }
+
+    /// The same of a run whose values are known.
+    pub fn matches_values(&self, run: &Values) -> bool {
+        let listed = |(key, values): &(String, Vec<Value>)| {
+            run.get(key).is_some_and(|value| values.iter().any(|listed| same(key, &value, listed)))
         };
-        self.wanted.iter().all(among) && !self.unwanted.iter().any(among)
+        self.wanted.iter().all(listed) && !self.unwanted.iter().any(listed)
     }
 }
 

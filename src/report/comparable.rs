@@ -112,7 +112,9 @@ fn budgets(plan: &[RunSpec], runs: &mut [Run]) -> Vec<String> {
         }
         for (index, recorded, wanted) in pairs.into_iter().filter(|pair| pair.1 != pair.2) {
             let changes = vec![format!("{BUDGET}: {recorded} -> {wanted}")];
+            let trace = runs[index].trace.take();
             runs[index] = Run::new(plan[index].clone(), State::Differs { changes });
+            runs[index].trace = trace;
         }
     }
     remarks

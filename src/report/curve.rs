@@ -68,8 +68,8 @@ pub struct Curve {
     pub points: Vec<Point>,
     /// The means before they were smoothed; empty where nothing is.
     pub raw: Vec<(f64, f64)>,
-    /// Each seed's own values at the points, where they are asked for.
-    pub singles: Vec<Vec<(f64, f64)>>,
+    /// Each seed's own values at the points.
+    pub singles: Vec<Single>,
     /// Runs behind every point.
     pub seeds: usize,
     /// Runs that the plan has.
@@ -84,6 +84,15 @@ pub struct Curve {
     pub paper: Option<f64>,
     /// The tolerance d_k over environment steps, for figures of the MMD.
     pub tolerance: Vec<(f64, f64)>,
+}
+
+/// One seed of a curve.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Single {
+    /// The seed.
+    pub seed: u64,
+    /// Its values over environment steps.
+    pub points: Vec<(f64, f64)>,
 }
 
 /// How far a curve goes whose runs have not all ended.
@@ -180,7 +189,7 @@ fn panels<'a>(panels: &Panels, runs: &[&'a Run]) -> Result<Vec<(String, Vec<&'a 
         Panels::Selections(texts) => {
             let panel = |text: &String| {
                 let selection = Selection::parse(text)?;
-                let within = runs.iter().copied().filter(|run| selection.matches(&run.spec));
+                let within = runs.iter().copied().filter(|run| run.is_in(&selection));
                 Ok((axis::selection_label(&selection), within.collect()))
             };
             texts.iter().map(panel).collect()

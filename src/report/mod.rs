@@ -15,6 +15,7 @@ mod fixture;
 mod identity;
 mod notes;
 mod over_seeds;
+mod page;
 mod recorded;
 pub mod reference;
 mod scope;

@@ -14,7 +14,7 @@
 use std::collections::BTreeMap;
 
 use super::{
-    curve::{CONFIDENCE, LeftOut, Point, mean},
+    curve::{CONFIDENCE, LeftOut, Point, Single, mean},
     recorded::{Recording, Run, State},
 };
 use crate::{
@@ -35,6 +35,7 @@ const RESAMPLES: usize = 2_000;
 /// What one seed has recorded.
 #[derive(Debug, Clone, Copy)]
 pub struct Seed<'a> {
+    number: u64,
     recording: &'a Recording,
     /// Environment steps that it has taken, or was to take if it ended.
     reach: u64,
@@ -45,12 +46,12 @@ pub struct Seed<'a> {
 impl<'a> Seed<'a> {
     /// What `run` has recorded; `None` where it has nothing to draw.
     pub fn of(run: &'a Run) -> Option<Self> {
-        let whole = run.spec.budget.env_steps.get();
+        let (number, whole) = (run.spec.seed.0, run.spec.budget.env_steps.get());
         match (&run.state, &run.under_way) {
-            (State::Finished(recording), _) => Some(Self { recording, reach: whole, under_way: None }),
+            (State::Finished(recording), _) => Some(Self { number, recording, reach: whole, under_way: None }),
             (State::Missing, Some(so_far)) if so_far.env_steps > 0 => {
                 let steps = so_far.env_steps.min(whole);
-                Some(Self { recording: &so_far.recording, reach: steps, under_way: Some(steps) })
+                Some(Self { number, recording: &so_far.recording, reach: steps, under_way: Some(steps) })
             }
             (State::Missing | State::Failed { .. } | State::Differs { .. }, _) => None,
         }
@@ -105,8 +106,8 @@ pub struct OverSeeds {
     pub points: Vec<Point>,
     /// The means of what was smoothed.
     pub raw: Vec<(f64, f64)>,
-    /// Each seed at the points, where they are asked for.
-    pub singles: Vec<Vec<(f64, f64)>>,
+    /// Each seed at the points.
+    pub singles: Vec<Single>,
     /// Where the curve is broken.
     pub gaps: Vec<f64>,
     /// Points that do not exist.
@@ -126,12 +127,10 @@ impl OverSeeds {
                 points.entry(env_steps).or_default().push((value, smooth));
             }
         }
-        let mut all = Self { singles: vec![Vec::new(); seeds.len()], ..Self::default() };
+        let single = |seed: &Seed<'_>| Single { seed: seed.number, points: Vec::new() };
+        let mut all = Self { singles: seeds.iter().map(single).collect(), ..Self::default() };
         for (env_steps, samples) in points {
             all.point(env_steps, &samples, seeds.len(), averaging);
-        }
-        if averaging.band != Band::Seeds {
-            all.singles.clear();
         }
         all
     }
@@ -160,7 +159,7 @@ impl OverSeeds {
                 self.raw.push((x, averaging.back(mean(&raw))));
             }
             for (single, &value) in self.singles.iter_mut().zip(&smooth) {
-                single.push((x, averaging.back(value)));
+                single.points.push((x, averaging.back(value)));
             }
         }
     }
@@ -262,7 +261,7 @@ mod tests {
     use super::*;
 
     fn seed(reach: u64, recording: &Recording) -> Seed<'_> {
-        Seed { recording, reach, under_way: Some(reach) }
+        Seed { number: 0, recording, reach, under_way: Some(reach) }
     }
 
     #[test]

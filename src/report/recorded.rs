@@ -13,8 +13,8 @@ use std::{
 
 use super::comparable;
 use crate::{
-    plan::{self, RunSpec, Values},
-    record::{Demonstrated, Manifest, Outcome, RecordError, RunPaths, Stamp, UnderWay, rows},
+    plan::{self, RunSpec, Selection, Values},
+    record::{Demonstrated, Git, Manifest, Outcome, RecordError, RunPaths, Stamp, UnderWay, rows},
 };
 
 /// The runs of a plan, as far as they are recorded.
@@ -51,8 +51,14 @@ pub fn load(plan: &[RunSpec], results: &Path, progress: bool) -> Result<Loaded, 
 }
 
 fn load_run(planned: &RunSpec, paths: &RunPaths, progress: bool) -> Result<Run, RecordError> {
+    let Some(manifest) = paths.ended()? else { return Ok(Run::new(planned.clone(), State::Missing)) };
+    let trace = Trace::of(&manifest);
+    Ok(Run { trace: Some(trace), ..ended(planned, paths, manifest, progress)? })
+}
+
+/// What became of a run with this `manifest`.
+fn ended(planned: &RunSpec, paths: &RunPaths, manifest: Manifest, progress: bool) -> Result<Run, RecordError> {
     let as_planned = |state| Run::new(planned.clone(), state);
-    let Some(manifest) = paths.ended()? else { return Ok(as_planned(State::Missing)) };
     let recorded = match plan::recorded(&manifest.stamp.spec) {
         Ok(recorded) => recorded,
         Err(_) => return Ok(as_planned(State::Differs { changes: vec![comparable::FORMAT.to_owned()] })),
@@ -116,6 +122,8 @@ pub struct Run {
     pub state: State,
     /// What it has come to, where it has not ended.
     pub under_way: Option<SoFar>,
+    /// Where its last word comes from, where that can be read.
+    pub trace: Option<Trace>,
     values: Values,
     departures: OnceCell<BTreeSet<String>>,
 }
@@ -137,6 +145,48 @@ pub enum State {
     },
     /// It used its budget.
     Finished(Recording),
+}
+
+/// Where a run that has ended comes from, and what it left to read.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Trace {
+    /// The program's version.
+    pub program: String,
+    /// The commit of the folder that the program was called in, where that was a repository's.
+    pub git: Option<Git>,
+    /// The class of the processor, which decides last bits.
+    pub cpu_class: String,
+    /// The processor; absent where an older program recorded the run.
+    pub cpu: Option<String>,
+    /// The version of MuJoCo; absent where the environment does without.
+    pub mujoco: Option<String>,
+    /// Environment steps that were trained.
+    pub env_steps: u64,
+    /// Wall-clock seconds.
+    pub seconds: f64,
+    /// The last lines of the log of a run that failed.
+    pub log_tail: Vec<String>,
+}
+
+impl Trace {
+    fn of(manifest: &Manifest) -> Self {
+        let Manifest { stamp, env_steps, seconds, outcome, .. } = manifest;
+        let origin = stamp.origin.as_ref();
+        let log_tail = match outcome {
+            Outcome::Failed { log_tail, .. } => log_tail.clone(),
+            Outcome::Begun | Outcome::Finished => Vec::new(),
+        };
+        Self {
+            program: stamp.build.program.clone(),
+            git: origin.and_then(|origin| origin.git.clone()),
+            cpu_class: stamp.build.cpu_class.clone(),
+            cpu: origin.map(|origin| origin.cpu.clone()),
+            mujoco: stamp.build.versions.get("mujoco").and_then(|version| version.as_str()).map(str::to_owned),
+            env_steps: *env_steps,
+            seconds: *seconds,
+            log_tail,
+        }
+    }
 }
 
 /// What a run under way has recorded at its last checkpoint.
@@ -184,7 +234,7 @@ impl Run {
     /// The run `spec`, of which `state` became.
     pub fn new(spec: RunSpec, state: State) -> Self {
         let values = spec.values();
-        Self { spec, state, under_way: None, values, departures: OnceCell::new() }
+        Self { spec, state, under_way: None, trace: None, values, departures: OnceCell::new() }
     }
 
     /// What it recorded, if it finished.
@@ -198,6 +248,11 @@ impl Run {
     /// As [`RunSpec::value`], without making its tables again.
     pub fn value(&self, key: &str) -> Option<toml::Value> {
         self.values.get(key)
+    }
+
+    /// Whether `selection` means it.
+    pub fn is_in(&self, selection: &Selection) -> bool {
+        selection.matches_values(&self.values)
     }
 
     /// As [`RunSpec::departures`], computed once.
@@ -321,7 +376,8 @@ mod tests {
         fixture::record(&failed, folder.path());
         let plan = [&finished, &failed, &missing].map(|run| run.spec.clone());
         let runs = load(&plan, folder.path(), true).expect("readable").runs;
-        assert_eq!(runs[1..], [failed, missing]);
+        assert_eq!([&runs[1].state, &runs[2].state], [&failed.state, &missing.state]);
+        assert!(runs[1].trace.is_some() && runs[2].trace.is_none());
         let (read, written) = (runs[0].recording().expect("finished"), finished.recording().expect("finished"));
         assert_eq!(read.evaluations, written.evaluations);
         assert_eq!((&read.demonstration, &read.demonstrated), (&written.demonstration, &written.demonstrated));

@@ -3,6 +3,8 @@
 //! Owns the name of the report's folder and what its heading says. Knows nothing of runs. A part of the file's runs gets a folder
 //! of its own, so that it never takes the place of the whole report.
 
+use std::path::Path;
+
 use super::ReportError;
 use crate::plan::Selection;
 
@@ -40,6 +42,19 @@ impl Scope {
         }
         let cut = &safe[..safe.len().min(LONGEST)];
         format!("report{cut}-{:08x}", checksum(&text))
+    }
+
+    /// The command that makes this report of `file` from what is recorded under `results`.
+    pub fn command(&self, file: &Path, results: &Path) -> String {
+        let quoted = |text: &str| match text.chars().all(|c| c.is_ascii_alphanumeric() || "._-+=,/".contains(c)) {
+            true => text.to_owned(),
+            false => format!("'{}'", text.replace('\'', "'\\''")),
+        };
+        let options = [("--only", &self.only), ("--axis", &self.axis), ("--set", &self.set)];
+        let options = options.iter().flat_map(|(name, values)| values.iter().map(move |value| (*name, value.clone())));
+        let results = (results != Path::new("results")).then(|| ("--results", results.display().to_string()));
+        let options = options.chain(results).map(|(name, value)| format!(" {name} {}", quoted(&value)));
+        format!("mcpo-run report {}{}", quoted(&file.display().to_string()), options.collect::<String>())
     }
 
     /// `Of --only seed=0 --set budget.env_steps=100 alone.`; `None` for the file as it stands.

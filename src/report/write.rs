@@ -18,6 +18,7 @@ use super::{
     ClaimsData, CurveData, ReportError, Scope, TableData, axis, claims, figure,
     identity::Identities,
     notes,
+    page::{self, Contents, Shows},
     recorded::{self, Loaded, Run, State},
     settings::SettingsData,
     text,
@@ -88,6 +89,7 @@ pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Wri
         files.write(&format!("{}-seeds", table.name), "csv", &text::seeds_csv(data)?)?;
         body.push_str(&format!("\n#{markdown}"));
     }
+    let mut settings = Vec::new();
     for table in &spec.settings_tables {
         let data = SettingsData::new(table, &selected(&runs, table.only.as_deref())?);
         let markdown = text::settings::markdown(&data);
@@ -95,25 +97,34 @@ pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Wri
         files.latex(&table.name, text::settings::latex(&table.name, &data))?;
         files.write(&table.name, "csv", &text::settings::csv(&data)?)?;
         body.push_str(&format!("\n#{markdown}"));
+        settings.push((table.name.as_str(), data));
     }
-    let mut unknown = BTreeSet::new();
+    let (mut unknown, mut shown) = (BTreeSet::new(), Vec::new());
     for figure in &figures {
-        let (picture, caption) = if figure.y == STEP {
-            (figure::step::draw(figure.width.map(Width::inches))?, String::new())
+        let (picture, caption, curves) = if figure.y == STEP {
+            (figure::step::draw(figure.width.map(Width::inches))?, String::new(), None)
         } else {
             let data = CurveData::new(figure, &selected(&runs, figure.only.as_deref())?, &identities)?;
             files.write(&format!("{}-curves", figure.name), "csv", &text::curves_csv(&data)?)?;
-            (figure::draw(&data), figure::notes(&data).all())
+            (figure::draw(&data), figure::notes(&data).all(), Some(data))
         };
         unknown.extend(picture.without_glyph());
+        let svg = picture.svg().map_err(ReportError::Draw)?;
         files.write(&figure.name, "png", &picture.png().map_err(ReportError::Draw)?)?;
-        files.write(&figure.name, "svg", picture.svg().map_err(ReportError::Draw)?.as_bytes())?;
+        files.write(&figure.name, "svg", svg.as_bytes())?;
         let title = escape::markdown(&figure.title);
         body.push_str(&format!("\n## {title}\n\n![{title}]({}.png)\n", figure.name));
         if figure.width.is_some() {
             files.write(&figure.name, "pdf", &picture.pdf().map_err(ReportError::Draw)?)?;
             body.push_str(&format!("\n{}\n", escape::markdown(&caption))); // which print does not have in the picture
         }
+        shown.push(page::Figure {
+            name: &figure.name,
+            title: &figure.title,
+            caption,
+            files: figure_files(figure),
+            shows: curves.map_or(Shows::Picture(svg), Shows::Curves),
+        });
     }
     let mut state = vec![finished(&runs, planned, &untouched)];
     state.extend(scope.heading());
@@ -126,6 +137,18 @@ pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Wri
             "The figures' font has no {unknown}: a PNG shows boxes, an SVG what its reader's fonts have."
         ));
     }
+    let contents = Contents {
+        spec,
+        home: &home,
+        command: scope.command(&spec.file, results),
+        state: &state,
+        runs: &runs,
+        claims: judged.as_ref(),
+        tables: tables.iter().map(|table| table.name.as_str()).zip(&made).collect(),
+        settings,
+        figures: shown,
+    };
+    files.write("index", "html", page::html(&contents).as_bytes())?;
     let lines: String = state[1..].iter().map(|line| format!("- {}\n", escape::markdown(line))).collect();
     let first = escape::markdown(&state[0]);
     let (name, description) = (&spec.name, escape::markdown(&spec.description));
@@ -145,7 +168,7 @@ impl Files {
     /// Where the names are kept, one a line.
     const LIST: &str = ".files";
     /// The files that a report consists of.
-    const EXTENSIONS: [&str; 6] = ["md", "tex", "csv", "png", "svg", "pdf"];
+    const EXTENSIONS: [&str; 7] = ["md", "tex", "csv", "png", "svg", "pdf", "html"];
 
     fn in_folder(folder: PathBuf) -> Result<Self, RecordError> {
         fs::create_dir_all(&folder).map_err(|source| RecordError::Io {
@@ -193,6 +216,13 @@ impl Files {
     }
 }
 
+/// How the names of the files of `figure` end.
+fn figure_files(figure: &Figure) -> Vec<&'static str> {
+    let (numbers, print) = (figure.y != STEP, figure.width.is_some());
+    let all = [(".png", true), (".svg", true), (".pdf", print), ("-curves.csv", numbers)];
+    all.into_iter().filter(|(_, has)| *has).map(|(extension, _)| extension).collect()
+}
+
 /// The figures of an experiment; its learning curves where it has neither figures nor tables.
 fn figures(spec: &ExperimentSpec) -> Vec<Figure> {
     if !(spec.figures.is_empty() && spec.tables.is_empty()) {
@@ -235,8 +265,7 @@ fn tables(spec: &ExperimentSpec, runs: &[Run]) -> Vec<Table> {
 /// The runs that `only` means; all where it is absent.
 fn selected<'a>(runs: &'a [Run], only: Option<&str>) -> Result<Vec<&'a Run>, ReportError> {
     let selection = only.map(Selection::parse).transpose()?;
-    let meant = |spec: &RunSpec| selection.as_ref().is_none_or(|selection| selection.matches(spec));
-    Ok(runs.iter().filter(|run| meant(&run.spec)).collect())
+    Ok(runs.iter().filter(|run| selection.as_ref().is_none_or(|selection| run.is_in(selection))).collect())
 }
 
 /// Takes away the environments of which no run has ended, unless that is so of all, and names them: who asked for one
@@ -462,6 +491,7 @@ mod tests {
             "returns-curves.csv",
             "returns.png",
             "returns.svg",
+            "index.html",
             "README.md",
         ];
         assert_eq!(names, expected);

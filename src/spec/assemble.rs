@@ -118,6 +118,7 @@ fn build(
         tables,
         claims,
         settings_tables,
+        file: path.to_owned(),
         folder,
         missing: Vec::new(),
     };

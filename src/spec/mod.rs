@@ -66,6 +66,8 @@ pub struct ExperimentSpec {
     pub claims: Vec<Claim>,
     /// `[[settings]]`.
     pub settings_tables: Vec<SettingsTable>,
+    /// The file, as it was named on the command line.
+    pub file: PathBuf,
     /// The folder of the file.
     pub folder: PathBuf,
     /// Demonstrations that are not there.

@@ -131,8 +131,7 @@ fn rows(claim: &Claim, runs: &[Run]) -> Result<Vec<ClaimRow>, ReportError> {
     let only = claim.only.as_deref().map(Selection::parse).transpose()?;
     let meant = |selection: &str| -> Result<Vec<&Run>, ReportError> {
         let selection = Selection::parse(selection)?;
-        let both =
-            |run: &&Run| selection.matches(&run.spec) && only.as_ref().is_none_or(|only| only.matches(&run.spec));
+        let both = |run: &&Run| run.is_in(&selection) && only.as_ref().is_none_or(|only| run.is_in(only));
         Ok(runs.iter().filter(both).collect())
     };
     let than = match claim.than.as_deref() {

@@ -74,7 +74,8 @@ fn round(look: usize) -> usize {
     look / PALETTE.len()
 }
 
-fn pattern(look: usize) -> usize {
+/// Which of the four dash patterns a look has.
+pub fn pattern(look: usize) -> usize {
     (PATTERN_OF[look % PALETTE.len()] + round(look)) % PATTERNS.len()
 }
 
@@ -95,7 +96,7 @@ fn shape(look: usize, at: (f64, f64), radius: f64, color: Color) -> Shape {
 }
 
 /// A shape of about the unit circle's size; twelve different ones, shifted against the colours in each round.
-fn outline(look: usize) -> Vec<(f64, f64)> {
+pub fn outline(look: usize) -> Vec<(f64, f64)> {
     let polygon = |corners: usize, first: f64| {
         let corner = move |corner: usize| {
             let angle = (first + 360.0 * corner as f64 / corners as f64).to_radians();

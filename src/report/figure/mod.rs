@@ -4,7 +4,7 @@
 
 mod caption;
 mod legend;
-mod look;
+pub mod look;
 mod panel;
 mod pdf;
 pub mod picture;
@@ -12,10 +12,11 @@ pub mod step;
 mod style;
 #[cfg(test)]
 mod tests;
-mod ticks;
+pub mod ticks;
 mod words;
 
 pub use caption::notes;
+pub use panel::y_scale;
 pub use style::{BLACK, PALETTE};
 
 use picture::{Anchor, Picture, Shape};

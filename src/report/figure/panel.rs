@@ -7,7 +7,10 @@ use super::{
     ticks::{Scale, Tick},
     words::{fit, text},
 };
-use crate::report::curve::{Curve, CurveData, Panel, Point};
+use crate::{
+    report::curve::{Curve, CurveData, Panel, Point},
+    spec::Band,
+};
 
 /// Where a panel lies on the page, everything that belongs to it included but the name of the x axis, which hangs below.
 #[derive(Debug, Clone, Copy)]
@@ -138,12 +141,12 @@ fn why_empty(data: &CurveData, curves: &[(usize, &Curve)]) -> String {
 
 /// All means and references lie inside; bands count as far as half that extent beyond it, since the interval of two seeds
 /// would else leave nothing of the curves.
-fn y_scale(data: &CurveData, panel: &Panel) -> Scale {
+pub fn y_scale(data: &CurveData, panel: &Panel) -> Scale {
     let curves = || panel.curves.iter().flatten();
     let values = curves()
         .flat_map(|curve| {
             let means = curve.points.iter().map(|point| point.mean);
-            let singles = curve.singles.iter().flatten().map(|point| point.1);
+            let singles = drawn_singles(data, curve).flatten().map(|point| point.1);
             let raw = curve.raw.iter().map(|point| point.1);
             means.chain(singles).chain(raw).chain(curve.paper).chain(curve.tolerance.iter().map(|point| point.1))
         })
@@ -205,7 +208,7 @@ fn lines(data: &CurveData, panel: &Panel, sheet: &Sheet, axes: &Axes) -> Vec<Sha
         shapes.extend(band(*look, curve, axes));
     }
     for (look, curve) in &curves {
-        shapes.extend(faint(*look, curve, sheet, axes));
+        shapes.extend(faint(data, *look, curve, sheet, axes));
     }
     if let Some(demo) = panel.demo {
         let y = axes.height_of(demo);
@@ -247,9 +250,15 @@ fn markers(axes: &Axes) -> usize {
     if axes.right - axes.left < 120.0 { 2 } else { 3 }
 }
 
+/// The seeds that are drawn as lines of their own.
+fn drawn_singles<'a>(data: &CurveData, curve: &'a Curve) -> impl Iterator<Item = &'a Vec<(f64, f64)>> {
+    let wanted = data.band == Band::Seeds;
+    curve.singles.iter().filter(move |_| wanted).map(|single| &single.points)
+}
+
 /// The lines of single seeds, and of the mean before it was smoothed.
-fn faint(look: usize, curve: &Curve, sheet: &Sheet, axes: &Axes) -> Vec<Shape> {
-    let stretches = curve.singles.iter().chain([&curve.raw]).flat_map(|line| {
+fn faint(data: &CurveData, look: usize, curve: &Curve, sheet: &Sheet, axes: &Axes) -> Vec<Shape> {
+    let stretches = drawn_singles(data, curve).chain([&curve.raw]).flat_map(|line| {
         line.chunk_by(|left, right| !curve.gap_between(left.0, right.0)).filter(|stretch| stretch.len() > 1)
     });
     let line = |stretch: &[(f64, f64)]| Shape::Line {

@@ -42,7 +42,7 @@ fn summary(data: &ClaimsData) -> Grid {
 }
 
 /// `return of algorithm=mcpo above that of algorithm=ppo`.
-fn compared(claim: &Claim) -> String {
+pub fn compared(claim: &Claim) -> String {
     let part = if claim.at == Part::Area { " over all of training" } else { "" };
     let margin = match (claim.margin, claim.on.as_str()) {
         (0.0, _) => String::new(),
@@ -65,7 +65,7 @@ fn compared(claim: &Claim) -> String {
 }
 
 /// `holds in 5 of 7; contradicted in 1 of 7 (Hopper-v2); inconclusive in 1 of 7`, or the verdict of the only row.
-fn overall(rows: &[ClaimRow]) -> String {
+pub fn overall(rows: &[ClaimRow]) -> String {
     if let [only] = rows {
         return only.verdict.text();
     }
@@ -90,6 +90,11 @@ pub fn place(row: &ClaimRow) -> String {
 
 /// A line a row.
 fn details(data: &ClaimsData) -> Grid {
+    grid_of(&data.rows)
+}
+
+/// The numbers of `rows`, a line each.
+pub fn grid_of(rows: &[ClaimRow]) -> Grid {
     let headers = ["claim", "where", "difference or share", "95 % interval", "above", "seeds", "p", "verdict"];
     let line = |row: &ClaimRow| {
         let smaller = row.p.map(|(opposite, itself)| opposite.min(itself));
@@ -106,7 +111,7 @@ fn details(data: &ClaimsData) -> Grid {
     };
     let numeric = headers.iter().map(|header| !["claim", "where", "verdict"].contains(header)).collect();
     let headers = headers.map(str::to_owned).to_vec();
-    Grid { headers, rows: data.rows.iter().map(line).collect(), names: 2, numeric }
+    Grid { headers, rows: rows.iter().map(line).collect(), names: 2, numeric }
 }
 
 /// `5 and 4 of 5`.

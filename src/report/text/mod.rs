@@ -20,7 +20,8 @@ use super::{
     verdict::Comparison,
 };
 use crate::escape;
-use digits::{alone, between, plus_minus};
+pub use digits::alone;
+use digits::{between, plus_minus};
 
 /// Digits after the point that one of our numbers is shown with at most.
 const OUR_DECIMALS: usize = 4;
@@ -28,13 +29,15 @@ const OUR_DECIMALS: usize = 4;
 const PAPER_DECIMALS: usize = 2;
 
 /// A table of texts.
-struct Grid {
-    headers: Vec<String>,
-    rows: Vec<Vec<String>>,
+pub struct Grid {
+    /// Above the columns.
+    pub headers: Vec<String>,
+    /// Cells, one a header.
+    pub rows: Vec<Vec<String>>,
     /// How many columns, the first ones, say what a row is.
-    names: usize,
+    pub names: usize,
     /// Whether each column holds numbers, which are aligned right.
-    numeric: Vec<bool>,
+    pub numeric: Vec<bool>,
 }
 
 /// The table as Markdown, aligned so that it reads as text too.
@@ -60,6 +63,11 @@ pub fn latex(name: &str, data: &TableData) -> [String; 2] {
     }
     let notes: Vec<String> = seeds(data).into_iter().chain(data.notes.iter().cloned()).collect();
     [tex::tabular(&grid), tex::float(name, &data.title, &notes, &grid)]
+}
+
+/// What the table is on a page: rows by columns where there are several columns, and one row a cell.
+pub fn grids(data: &TableData) -> (Option<Grid>, Grid) {
+    ((data.columns.len() > 1).then(|| matrix(data)), list(data, true))
 }
 
 /// `n = 5 seeds a cell.`

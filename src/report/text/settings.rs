@@ -26,7 +26,8 @@ pub fn csv(data: &SettingsData) -> Result<Vec<u8>, csv::Error> {
     writer.into_inner().map_err(|error| error.into_error().into())
 }
 
-fn grid(data: &SettingsData) -> Grid {
+/// The table as it is shown.
+pub fn grid(data: &SettingsData) -> Grid {
     let (headers, rows) = (data.headers.clone(), data.rows.clone());
     let numeric = (0..headers.len()).map(|column| column >= data.names).collect();
     Grid { headers, rows, names: data.names, numeric }

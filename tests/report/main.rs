@@ -1,15 +1,17 @@
 //! `mcpo-run report` on recorded files, as a user calls it.
 
+mod page;
+mod recorded;
+
 use std::{fs, path::Path, process::Output};
 
 use assert_cmd::Command;
 use mcpo_run::{
-    algo::Update,
     plan::{RunSpec, plan},
-    record::{Build, Manifest, Outcome, RunPaths, Stamp, rows},
+    record::RunPaths,
     spec::{self, Overrides},
-    train::{EvaluationEpisode, Iteration},
 };
+use recorded::write;
 
 const MATRIX: &str = r#"
 name = "small"
@@ -39,61 +41,14 @@ reference = "table3"
 
 /// Writes what `spec` would have left: a failure, or two evaluations with the last one's returns around `end`.
 fn record(spec: &RunSpec, results: &Path, end: Result<f64, &str>) {
-    let paths = RunPaths::new(results, &spec.experiment, &spec.id).expect("a good id");
-    fs::create_dir_all(&paths.complete).expect("made");
-    let json = serde_json::to_value(spec).expect("a specification serialises");
-    let build = Build::current(serde_json::Value::Null);
-    let mut manifest = Manifest::new(Stamp {
-        spec: json,
-        fingerprint: "f".into(),
-        demonstration: None,
-        demonstrated: None,
-        build,
-        origin: None,
-    });
-    manifest.outcome = match end {
-        Err(error) => Outcome::Failed { error: error.into(), log_tail: Vec::new() },
+    let mmd = [1, 2, 3, 4].map(|iteration| (1024 * iteration, 0.1_f64.powi(iteration as i32)));
+    match end {
+        Err(error) => write(spec, results, Err(error)),
         Ok(mean) => {
-            let keys = rows::Keys {
-                experiment: spec.experiment.clone(),
-                run: spec.id.clone(),
-                env: spec.env.name().into(),
-                algorithm: spec.algorithm_name().into(),
-                d: spec.d(),
-                epsilon: spec.epsilon(),
-                seed: spec.seed.0,
-                axes: Default::default(),
-            };
-            let episode = |env_steps: u64, last: bool, episode: u64, dense_return: f64| EvaluationEpisode {
-                env_steps,
-                last,
-                episode,
-                dense_return,
-                training_return: 0.0,
-                length: 10,
-            };
-            let episodes =
-                [episode(2048, false, 0, 20.0), episode(4096, true, 0, mean - 1.0), episode(4096, true, 1, mean + 1.0)];
-            let iterations = [1, 2, 3, 4].map(|iteration| Iteration {
-                iteration,
-                env_steps: 1024 * iteration,
-                episodes: 0,
-                dense_return: None,
-                training_return: None,
-                episode_length: None,
-                update: Update { mmd: Some(0.1_f64.powi(iteration as i32)), d: Some(1e-3), ..Update::default() },
-                rollout_seconds: 0.0,
-                update_seconds: 0.0,
-                physics_seconds: 0.0,
-            });
-            rows::write_evaluations(&RunPaths::evaluations(&paths.complete), &keys, &manifest.stamp, &episodes)
-                .expect("written");
-            rows::write_progress(&RunPaths::progress(&paths.complete), &keys, &manifest.stamp, &iterations)
-                .expect("written");
-            Outcome::Finished
+            let returns = [(2048, false, 20.0), (4096, true, mean - 1.0), (4096, true, mean + 1.0)];
+            write(spec, results, Ok((&returns, &mmd)));
         }
-    };
-    manifest.write(&RunPaths::manifest(&paths.complete)).expect("written");
+    }
 }
 
 fn report(folder: &Path) -> Output {

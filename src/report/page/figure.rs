@@ -1,0 +1,412 @@
+//! Figures on the page: panels as SVG, and beside them the numbers that the script shows.
+//!
+//! Coordinates are tenths of a pixel, whole numbers, relative from point to point. A page of very many curves shows every second,
+//! third ... point of each, so that it stays small; the files beside it hold all of them.
+
+use std::collections::BTreeSet;
+
+use serde_json::{Value, json};
+
+use super::{
+    Figure, Shows,
+    parts::{files, prose},
+    table,
+};
+use crate::{
+    escape,
+    report::{
+        curve::{Curve, CurveData, Panel, Point, Single},
+        figure::{
+            look,
+            picture::text_width,
+            ticks::{Scale, Tick},
+            y_scale,
+        },
+        text::{Grid, alone},
+    },
+};
+
+/// Numbers that a page holds, about; each takes 10 bytes at most in the figure and beside it.
+const NUMBERS: usize = 250_000;
+/// The size of text.
+const TEXT: f64 = 110.0;
+/// The radius of a marker.
+const MARK: f64 = 34.0;
+/// Markers of a curve.
+const MARKS: usize = 3;
+/// Room for the paper's values, to the right of the axes.
+const GUTTER: f64 = 140.0;
+
+/// All figures.
+pub fn body(figures: &[Figure<'_>]) -> String {
+    let stride = stride(figures);
+    let all = figures.iter().enumerate().map(|(index, figure)| {
+        let (shown, ends) = match &figure.shows {
+            Shows::Picture(svg) => (format!("<div class=\"paper\">{svg}</div>\n"), String::new()),
+            Shows::Curves(data) => (curves(data, stride), ends(data, figure.title)),
+        };
+        let thinned = match (&figure.shows, stride) {
+            (Shows::Curves(_), 2..) => format!(" Here, one of {stride} points of each curve."),
+            _ => String::new(),
+        };
+        let extensions: Vec<&str> = figure.files.clone();
+        format!(
+            "<figure id=\"{name}\" data-figure=\"{index}\">\n<h3>{title}</h3>\n{shown}<figcaption>{caption}{thinned}</figcaption>\n\
+             {ends}{files}</figure>\n",
+            name = escape::html(figure.name),
+            title = prose(figure.title),
+            caption = prose(&figure.caption),
+            files = files(figure.name, &extensions),
+        )
+    });
+    let body: String = all.collect();
+    if body.is_empty() { body } else { marks(figures) + &body }
+}
+
+/// Every how many points one is shown.
+fn stride(figures: &[Figure<'_>]) -> usize {
+    let numbers = |curve: &Curve| curve.points.len() * (6 + curve.singles.len());
+    all_curves(figures).map(numbers).sum::<usize>().div_ceil(NUMBERS).max(1)
+}
+
+fn all_curves<'a>(figures: &'a [Figure<'_>]) -> impl Iterator<Item = &'a Curve> {
+    figures.iter().filter_map(curves_of).flat_map(|data| &data.panels).flat_map(|panel| panel.curves.iter().flatten())
+}
+
+fn curves_of<'a>(figure: &'a Figure<'_>) -> Option<&'a CurveData> {
+    match &figure.shows {
+        Shows::Curves(data) => Some(data),
+        Shows::Picture(_) => None,
+    }
+}
+
+/// The markers of all looks, to be used by name.
+fn marks(figures: &[Figure<'_>]) -> String {
+    let looks: BTreeSet<usize> = figures.iter().filter_map(curves_of).flat_map(|data| data.looks.clone()).collect();
+    let mark = |look: &usize| {
+        let corners = look::outline(*look).into_iter().map(|(x, y)| (x * MARK, y * MARK));
+        format!("<path id=\"mark-{look}\" d=\"{}z\"/>", path(corners))
+    };
+    let marks: String = looks.iter().map(mark).collect();
+    format!("<svg class=\"marks\" width=\"0\" height=\"0\" aria-hidden=\"true\"><defs>{marks}</defs></svg>\n")
+}
+
+/// The classes that give a series its colour and dashes.
+fn class(look: usize) -> String {
+    format!("c{} p{}", look % 12, look::pattern(look))
+}
+
+/// The legend and the panels.
+fn curves(data: &CurveData, stride: usize) -> String {
+    let (columns, ..) = size(data);
+    let panels: String =
+        data.panels.iter().enumerate().map(|(index, panel)| panel_html(data, index, panel, stride)).collect();
+    format!(
+        "<div class=\"legend\" role=\"group\" aria-label=\"Series\">\n{}</div>\n<div class=\"switches\" hidden></div>\n\
+         <div class=\"panels {columns}\">\n{panels}</div>\n<p class=\"reader\" aria-live=\"polite\"></p>\n",
+        legend(data)
+    )
+}
+
+/// How panels stand beside each other, and the width and height of each.
+fn size(data: &CurveData) -> (&'static str, f64, f64) {
+    match data.panels.len() {
+        1 => ("one", 5600.0, 3400.0),
+        2 | 4 => ("two", 4800.0, 3000.0),
+        _ => ("three", 3600.0, 2600.0),
+    }
+}
+
+/// A switch for each series, and what the other lines are.
+fn legend(data: &CurveData) -> String {
+    let series = data.series.iter().zip(&data.looks).enumerate().map(|(index, (label, &look))| {
+        format!(
+            "<button type=\"button\" class=\"key\" aria-pressed=\"true\" data-series=\"{index}\">\
+             <svg class=\"sample\" viewBox=\"0 0 300 120\" aria-hidden=\"true\"><g class=\"{}\"><path class=\"mean\" d=\"M0 60h300\"/>\
+             <use href=\"#mark-{look}\" x=\"150\" y=\"60\"/></g></svg>{}</button>\n",
+            class(look),
+            prose(&label.text)
+        )
+    });
+    let curves = || data.panels.iter().flat_map(|panel| panel.curves.iter().flatten());
+    let others = [
+        ("paper", "the paper, after training", curves().any(|curve| curve.paper.is_some())),
+        ("demo", "the demonstration", data.panels.iter().any(|panel| panel.demo.is_some())),
+        ("tolerance", "tolerance d of the same colour’s curve", curves().any(|curve| !curve.tolerance.is_empty())),
+    ];
+    let others = others.into_iter().filter(|(_, _, shown)| *shown).map(|(class, name, _)| {
+        format!(
+            "<span class=\"key\"><svg class=\"sample\" viewBox=\"0 0 300 120\" aria-hidden=\"true\">\
+             <path class=\"{class}\" d=\"M0 60h300\"/></svg>{name}</span>\n"
+        )
+    });
+    series.chain(others).collect()
+}
+
+/// The inside of the axes, and what they show.
+struct Axes {
+    left: f64,
+    right: f64,
+    top: f64,
+    bottom: f64,
+    x: Scale,
+    y: Scale,
+}
+
+impl Axes {
+    fn new(data: &CurveData, panel: &Panel) -> Self {
+        let (_, width, height) = size(data);
+        let end = panel.curves.iter().flatten().flat_map(|curve| &curve.points).map(|point| point.env_steps);
+        let end = end.fold(0.0, f64::max);
+        let x = Scale { low: 0.0, high: if end > 0.0 { end * 1.02 } else { 1.0 }, log: false };
+        let y = y_scale(data, panel);
+        let labels = y.ticks(5).iter().map(|tick| text_width(&tick.label, TEXT)).fold(150.0, f64::max);
+        let paper = panel.curves.iter().flatten().any(|curve| curve.paper.is_some());
+        let right = width - if paper { GUTTER } else { 60.0 };
+        Self { left: (labels + 70.0).round(), right, top: 200.0, bottom: height - 390.0, x, y }
+    }
+
+    fn across(&self, x: f64) -> f64 {
+        self.left + self.x.fraction(x) * (self.right - self.left)
+    }
+
+    fn height_of(&self, y: f64) -> f64 {
+        let height = self.bottom - self.y.fraction(y) * (self.bottom - self.top);
+        if height.is_nan() { self.bottom } else { height.clamp(self.top, self.bottom) }
+    }
+
+    fn at(&self, (x, y): (f64, f64)) -> (f64, f64) {
+        (self.across(x), self.height_of(y))
+    }
+}
+
+fn panel_html(data: &CurveData, index: usize, panel: &Panel, stride: usize) -> String {
+    let (_, width, height) = size(data);
+    let axes = Axes::new(data, panel);
+    let named = panel.curves.iter().zip(&data.looks).enumerate();
+    let drawn: Vec<(usize, usize, &Curve)> =
+        named.filter_map(|(series, (curve, look))| Some((series, *look, curve.as_ref()?))).collect();
+    let turns = drawn.len();
+    let lines = drawn.iter().enumerate().map(|(turn, &(series, look, curve))| {
+        let shift = (turn as f64 + 0.5) / turns as f64;
+        format!(
+            "<g class=\"series {}\" data-series=\"{series}\">{}</g>",
+            class(look),
+            line(curve, look, &axes, stride, shift)
+        )
+    });
+    let (title, y_label) = (prose(&panel.title), escape::html(&data.y_label));
+    let demo = panel.demo.map_or(String::new(), |demo| {
+        format!("<path class=\"demo\" d=\"M{} {:.0}H{}\"/>", axes.left, axes.height_of(demo), axes.right)
+    });
+    let empty = if drawn.iter().all(|(_, _, curve)| curve.points.is_empty()) {
+        let (x, y) = ((axes.left + axes.right) / 2.0, (axes.top + axes.bottom) / 2.0);
+        format!("<text class=\"middle\" x=\"{x:.0}\" y=\"{y:.0}\">nothing to draw yet</text>")
+    } else {
+        String::new()
+    };
+    format!(
+        "<div class=\"panel\"><h4>{title}</h4>\n\
+         <svg viewBox=\"0 0 {width} {height}\" data-panel=\"{index}\" tabindex=\"0\" role=\"img\" \
+         aria-label=\"{title}: {y_label} over environment steps. Arrow keys read values.\">\
+         <text x=\"0\" y=\"{TEXT}\">{y_label}</text>{grid}{demo}{lines}{empty}\
+         <text class=\"end\" x=\"{right}\" y=\"{under:.0}\">environment steps</text></svg></div>\n",
+        grid = grid(&axes),
+        lines = lines.collect::<String>(),
+        right = axes.right,
+        under = height - 40.0,
+    )
+}
+
+fn grid(axes: &Axes) -> String {
+    let Axes { left, right, top, bottom, .. } = *axes;
+    let y_mark = |tick: &Tick| {
+        let y = axes.height_of(tick.at);
+        let text = &tick.label;
+        format!(
+            "<path class=\"rule\" d=\"M{left} {y:.0}H{right}\"/><text class=\"end\" x=\"{:.0}\" y=\"{:.0}\">{text}</text>",
+            left - 50.0,
+            y + 38.0
+        )
+    };
+    let x_mark = |tick: &Tick| {
+        let x = axes.across(tick.at);
+        format!(
+            "<path class=\"axis\" d=\"M{x:.0} {bottom}v35\"/><text class=\"middle\" x=\"{x:.0}\" y=\"{:.0}\">{}</text>",
+            bottom + 150.0,
+            tick.label
+        )
+    };
+    let rules: String = axes.y.ticks(5).iter().filter(|tick| !tick.label.is_empty()).map(y_mark).collect();
+    let wanted = ((right - left) / (5.0 * TEXT)) as usize;
+    let marks: String = axes.x.step_ticks(wanted).iter().map(x_mark).collect();
+    format!("{rules}{marks}<path class=\"axis\" d=\"M{left} {top}V{bottom}H{right}\"/>")
+}
+
+/// A curve: its band, its mean, its markers, and the paper's value beside the axes.
+fn line(curve: &Curve, look: usize, axes: &Axes, stride: usize, shift: f64) -> String {
+    let mut drawn = String::new();
+    if curve.tolerance.len() > 1 {
+        let points = thinned(&curve.tolerance, stride).map(|point| axes.at(*point));
+        drawn.push_str(&format!("<path class=\"tolerance\" d=\"{}\"/>", path(points)));
+    }
+    if let Some(level) = curve.level() {
+        let y = axes.height_of(level.mean);
+        if let Some((low, high)) = level.band {
+            let (low, high) = (axes.height_of(low), axes.height_of(high));
+            drawn.push_str(&format!(
+                "<path class=\"band\" d=\"M{} {low:.0}H{}V{high:.0}H{}z\"/>",
+                axes.left, axes.right, axes.left
+            ));
+        }
+        drawn.push_str(&format!("<path class=\"mean\" d=\"M{} {y:.0}H{}\"/>", axes.left, axes.right));
+        drawn.push_str(&mark(look, (axes.left + shift * (axes.right - axes.left), y)));
+    } else {
+        for stretch in curve.stretches() {
+            let points: Vec<&Point> = thinned(stretch, stride).collect();
+            let ends = |end: fn((f64, f64)) -> f64| {
+                let ends = points.iter().filter_map(move |point| Some(axes.at((point.env_steps, end(point.band?)))));
+                ends.collect::<Vec<_>>()
+            };
+            let (low, high) = (ends(|band| band.0), ends(|band| band.1));
+            if !low.is_empty() {
+                let around = low.into_iter().chain(high.into_iter().rev());
+                drawn.push_str(&format!("<path class=\"band\" d=\"{}z\"/>", path(around)));
+            }
+            let means: Vec<(f64, f64)> = points.iter().map(|point| axes.at((point.env_steps, point.mean))).collect();
+            match means.as_slice() {
+                [alone] => drawn.push_str(&mark(look, *alone)),
+                _ => drawn.push_str(&format!("<path class=\"mean\" d=\"{}\"/>", path(means.into_iter()))),
+            }
+        }
+        let last = curve.points.len().saturating_sub(1) as f64;
+        let marked = (0..MARKS).filter_map(|n| curve.points.get(((n as f64 + shift) / MARKS as f64 * last) as usize));
+        let marks: String = marked.map(|point| mark(look, axes.at((point.env_steps, point.mean)))).collect();
+        drawn.push_str(&marks);
+    }
+    if let Some(paper) = curve.paper {
+        let (from, y) = (axes.right + 20.0, axes.height_of(paper));
+        drawn.push_str(&format!("<path class=\"paper-value\" d=\"M{from} {y:.0}h110\"/>"));
+    }
+    drawn
+}
+
+fn mark(look: usize, (x, y): (f64, f64)) -> String {
+    format!("<use href=\"#mark-{look}\" x=\"{x:.0}\" y=\"{y:.0}\"/>")
+}
+
+/// Every `stride`-th, and the last.
+fn thinned<T>(all: &[T], stride: usize) -> impl Iterator<Item = &T> {
+    all.iter().enumerate().filter(move |(index, _)| index % stride == 0 || index + 1 == all.len()).map(|(_, one)| one)
+}
+
+/// A line through points, from each to the next.
+fn path(points: impl Iterator<Item = (f64, f64)>) -> String {
+    let mut text = String::new();
+    let mut before = None;
+    for (x, y) in points.map(|(x, y)| (x.round() as i64, y.round() as i64)) {
+        let (dx, dy) = match before {
+            None => (x, y),
+            Some((x0, y0)) => (x - x0, y - y0),
+        };
+        text.push_str(match before {
+            None => "M",
+            Some(_) if !text.contains('l') => "l",
+            Some(_) if dx < 0 => "",
+            Some(_) => " ",
+        });
+        text.push_str(&if dy < 0 { format!("{dx}{dy}") } else { format!("{dx} {dy}") });
+        before = Some((x, y));
+    }
+    text
+}
+
+/// The last value of each curve, for who does not see it.
+fn ends(data: &CurveData, title: &str) -> String {
+    let row = |panel: &Panel, name: &str, curve: &Curve| {
+        let end = curve.points.last()?;
+        let band = end.band.map_or(String::new(), |(low, high)| format!("{} to {}", short(low), short(high)));
+        let (steps, seeds) = (alone(end.env_steps), format!("{} of {}", curve.seeds, curve.planned));
+        Some(vec![panel.title.clone(), name.to_owned(), steps, short(end.mean), band, seeds])
+    };
+    let rows = data.panels.iter().flat_map(|panel| {
+        let named = data.series.iter().zip(&panel.curves);
+        named.filter_map(move |(label, curve)| row(panel, &label.text, curve.as_ref()?))
+    });
+    let headers = ["panel", "series", "at step", "mean", "band", "seeds"].map(str::to_owned).to_vec();
+    let grid = Grid { headers, rows: rows.collect(), names: 2, numeric: vec![false, false, true, true, true, true] };
+    format!(
+        "<details class=\"more\"><summary>The end of each curve, as a table</summary>\n{}</details>\n",
+        table::html(&grid, title, true)
+    )
+}
+
+/// A value of any size in few characters.
+fn short(value: f64) -> String {
+    match value.abs() {
+        0.0 | 0.01..1e6 => alone(value),
+        _ => format!("{value:.2e}").replace('-', "−"),
+    }
+}
+
+/// The numbers of all figures, as JSON, for the script.
+pub fn data(figures: &[Figure<'_>]) -> String {
+    let stride = stride(figures);
+    let all = figures.iter().map(|figure| curves_of(figure).map_or(Value::Null, |data| numbers(data, stride)));
+    Value::Array(all.collect()).to_string()
+}
+
+fn numbers(data: &CurveData, stride: usize) -> Value {
+    let panels = data.panels.iter().map(|panel| {
+        let axes = Axes::new(data, panel);
+        let curves = panel.curves.iter().enumerate().filter_map(|(series, curve)| Some((series, curve.as_ref()?)));
+        let curves: Vec<Value> = curves.map(|(series, curve)| of_curve(series, curve, stride)).collect();
+        json!({
+            "title": panel.title,
+            "box": [axes.left, axes.right, axes.top, axes.bottom],
+            "x": [axes.x.low, axes.x.high],
+            "y": [axes.y.low, axes.y.high],
+            "curves": curves,
+        })
+    });
+    let series: Vec<Value> = data
+        .series
+        .iter()
+        .zip(&data.looks)
+        .map(|(label, look)| json!({"name": label.text, "class": class(*look)}))
+        .collect();
+    json!({"y": data.y_label, "log": data.log_y, "series": series, "panels": panels.collect::<Vec<_>>()})
+}
+
+fn of_curve(series: usize, curve: &Curve, stride: usize) -> Value {
+    let points: Vec<&Point> = curve.stretches().flat_map(|stretch| thinned(stretch, stride)).collect();
+    let starts = points.windows(2).enumerate();
+    let breaks: Vec<usize> = starts
+        .filter(|(_, pair)| curve.gap_between(pair[0].env_steps, pair[1].env_steps))
+        .map(|(index, _)| index + 1)
+        .collect();
+    let kept: BTreeSet<u64> = points.iter().map(|point| point.env_steps as u64).collect();
+    let single = |single: &Single| {
+        let values = single.points.iter().filter(|(x, _)| kept.contains(&(*x as u64))).map(|(_, y)| digits(*y));
+        json!([single.seed, values.collect::<Vec<_>>()])
+    };
+    let end =
+        |end: fn((f64, f64)) -> f64| points.iter().map(|point| point.band.map(|band| digits(end(band)))).collect();
+    let (low, high): (Vec<Option<Value>>, Vec<Option<Value>>) = (end(|band| band.0), end(|band| band.1));
+    json!({
+        "series": series,
+        "x": points.iter().map(|point| point.env_steps as u64).collect::<Vec<_>>(),
+        "mean": points.iter().map(|point| digits(point.mean)).collect::<Vec<_>>(),
+        "low": low,
+        "high": high,
+        "seeds": curve.singles.iter().map(single).collect::<Vec<_>>(),
+        "breaks": breaks,
+        "level": curve.level().is_some(),
+    })
+}
+
+/// Five digits of a number; those of a whole one without a point.
+fn digits(value: f64) -> Value {
+    let short: f64 = format!("{value:.4e}").parse().unwrap_or(f64::NAN);
+    if short.fract() == 0.0 && short.abs() < 1e9 { json!(short as i64) } else { json!(short) }
+}
