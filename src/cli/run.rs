@@ -107,7 +107,8 @@ pub fn run(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
         progress.say(&farewell(planned.len(), due.len(), &summary));
         summary
     };
-    if summary.interrupted {
+    // A stop that came when everything had its end is none.
+    if summary.interrupted && summary.left > 0 {
         return Ok(ExitCode::from(INTERRUPTED));
     }
     let all_is_well = summary.failed.is_empty() && summary.left == 0;

@@ -37,7 +37,7 @@ fn a_shard_that_is_none_is_refused_and_one_that_is_empty_is_done() {
 
 #[test]
 fn a_run_whose_time_is_up_leaves_a_checkpoint_and_the_same_command_goes_on() {
-    let bench = Workbench::new(400_000);
+    let bench = Workbench::new(150_000);
     let one = ["tiny.toml", "--only", "env=InvertedPendulum-v2,seed=0", "--results"];
     bench.expect(0, &[&one[..], &["whole"]].concat());
     let limited = [&one[..], &["limited", "--max-time", "1s"]].concat();
