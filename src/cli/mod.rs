@@ -10,6 +10,7 @@ mod again;
 mod bench;
 mod completions;
 mod demo;
+mod duration;
 mod eval;
 mod man;
 mod plan;

@@ -4,7 +4,7 @@ use std::{collections::BTreeSet, path::Path, process::ExitCode, time::Duration};
 
 use anyhow::Context;
 
-use super::{complain, demo::counted, plan, report, selected::Selected};
+use super::{complain, demo::counted, duration, plan, report, selected::Selected};
 use crate::{
     plan::RunSpec,
     report::Scope,
@@ -14,6 +14,7 @@ use crate::{
         local::{LocalProcesses, physical_cores},
         preflight,
         progress::{Progress, Style, clock, thousands},
+        shard::Shard,
         state::{Planned, RunState},
         stop::{INTERRUPTED, StopRequest},
     },
@@ -43,6 +44,12 @@ pub struct RunArguments {
     /// Kill a run that makes no progress for this many seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 600, value_parser = clap::value_parser!(u64).range(1..))]
     hang_timeout: u64,
+    /// Run part K of N of the runs alone, as K=1 to N do on as many machines, and write no report
+    #[arg(long, value_name = "K/N")]
+    shard: Option<Shard>,
+    /// After this time, such as 2h or 1h30m, let the runs under way write a checkpoint, and leave as interrupted
+    #[arg(long, value_name = "TIME", value_parser = duration::parse)]
+    max_time: Option<Duration>,
     /// Show what would be run, and stop
     #[arg(long)]
     dry_run: bool,
@@ -58,12 +65,18 @@ pub struct RunArguments {
 pub fn run(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
     let selected = &arguments.selected;
     let specs = selected.load()?;
-    let planned = selected.planned(&specs)?;
+    let mut planned = selected.planned(&specs)?;
+    if let Some(shard) = arguments.shard {
+        planned = shard.of(planned);
+    }
     if arguments.dry_run {
         return plan::show(&specs, &planned, false);
     }
     // From here on, a signal stops cleanly.
-    let stop = StopRequest::on_signals().context("cannot listen for signals")?;
+    let mut stop = StopRequest::on_signals().context("cannot listen for signals")?;
+    if let Some(time) = arguments.max_time {
+        stop = stop.or_after(time);
+    }
     let states = preflight::prepare(&planned, &selected.results, arguments.fresh)?;
     let mut costs = CostModel::default();
     for (run, state) in planned.iter().zip(&states) {
@@ -94,14 +107,19 @@ pub fn run(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
         progress.say(&farewell(planned.len(), due.len(), &summary));
         summary
     };
-    if summary.interrupted {
+    // A stop that came when everything had its end is none.
+    if summary.interrupted && summary.left > 0 {
         return Ok(ExitCode::from(INTERRUPTED));
+    }
+    let all_is_well = summary.failed.is_empty() && summary.left == 0;
+    if arguments.shard.is_some() {
+        return Ok(if all_is_well { ExitCode::SUCCESS } else { ExitCode::FAILURE });
     }
     // Of the whole file: `--only` says what to run, not what to forget of what has run before.
     let scope = Scope { axis: selected.axis.clone(), set: selected.set.clone(), ..Scope::default() };
     let written = report::write(&specs, &selected.results, &scope, arguments.quiet)
         .context("the runs are recorded, but not their report");
-    if summary.failed.is_empty() && summary.left == 0 {
+    if all_is_well {
         return written.map(|_| ExitCode::SUCCESS);
     }
     // Runs that failed decide the exit code, whatever becomes of the report.

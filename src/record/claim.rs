@@ -1,111 +1,360 @@
-//! The claim on a run: who holds it may write to the run's folder.
+//! The claim on a run: who holds it may write to the run's folder, on whichever machine.
+//!
+//! Locks of the operating system do not do for this: some network file systems have none, some keep them on one machine,
+//! and some keep those of a machine that is gone. A claim is a file that names its owner, put into its place by a hard
+//! link, which is made whole or not at all on those too (NFS, RFC 1813, `LINK`). An owner on this machine is dead when its
+//! process is; one elsewhere, when it has left its file untouched for [`SILENCE`]. Nobody removes a dead owner's claim, which two
+//! could do at once and one of them to the other's: the next claim is put behind it, under the dead one's own number, where
+//! again only one can be. The last claim of the chain is the one that holds.
 
 use std::{
-    fs::{self, File, OpenOptions, TryLockError},
-    io, thread,
-    time::Duration,
+    fs::{self, File, OpenOptions},
+    io::{self, Write},
+    path::{Path, PathBuf},
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+        mpsc::{self, RecvTimeoutError, Sender},
+    },
+    thread,
+    time::{Duration, SystemTime},
 };
 
-use super::{RecordError, RunPaths, io_error, opened_or};
+use super::{RecordError, RunPaths, beside, io_error, owner::Owner, paths::remove_if_there, read_bounded};
 use crate::intake::{self, Links};
 
-/// How often a claim is tried for, and the pause between: whoever asks whether it is held holds it for a moment.
+/// How often a claim is tried for, and the pause between: somebody who looks after a run holds it for a moment.
 const TRIES: u32 = 20;
 const PAUSE: Duration = Duration::from_millis(50);
+/// An owner touches its file so often.
+const BEAT: Duration = Duration::from_secs(10);
+/// An owner on another machine that has not for so long is dead.
+const SILENCE: Duration = Duration::from_secs(120);
+/// The largest claim that is read, bytes.
+const LIMIT: u64 = 1 << 12;
+/// No chain is longer: each link is an owner that died.
+const LONGEST: usize = 10_000;
 
-/// A lock on a run, held until it is dropped or its process ends, however it ends.
+/// A claim, held until it is dropped or its process ends, however it ends.
 #[derive(Debug)]
 pub struct Claim {
-    _file: File,
+    /// The claims that lead to this one, and it; the first is the one that others look for first.
+    chain: Vec<PathBuf>,
+    /// Where the next one would be, were this one taken for dead.
+    next: PathBuf,
+    lost: Arc<AtomicBool>,
+    /// Its end ends the touching.
+    beats: Option<Sender<()>>,
+}
+
+/// What the end of a chain of claims shows.
+enum End {
+    /// Its owner is alive.
+    Held(Owner),
+    /// There is no claim at the last of these places.
+    Free(Vec<PathBuf>),
 }
 
 impl Claim {
     /// Claims a run; `None` when somebody else holds it, and goes on to for a second.
     ///
-    /// Errors: the file of the lock cannot be made.
+    /// Errors: the file of the claim cannot be made, or what is there is none.
     pub fn take(paths: &RunPaths) -> Result<Option<Self>, RecordError> {
-        let refused = |source| io_error("claim", &paths.claim)(source);
-        if let Some(folder) = paths.claim.parent() {
-            fs::create_dir_all(folder).map_err(refused)?;
-        }
-        // What the file holds is left alone: it may be another's that was put here under this name.
-        let options = OpenOptions::new().write(true).create(true).truncate(false).clone();
-        let file = intake::open(&paths.claim, Links::Refuse, &options).map_err(opened_or(&paths.claim, "claim"))?;
         for left in (0..TRIES).rev() {
-            match file.try_lock() {
-                Ok(()) => return Ok(Some(Self { _file: file })),
-                Err(TryLockError::WouldBlock) if left > 0 => thread::sleep(PAUSE),
-                Err(TryLockError::WouldBlock) => {}
-                Err(TryLockError::Error(source)) => return Err(refused(source)),
+            if let Some(claim) = Self::take_now(&paths.claim)? {
+                return Ok(Some(claim));
+            }
+            if left > 0 {
+                thread::sleep(PAUSE);
             }
         }
         Ok(None)
     }
 
+    /// Claims whatever the file at `place` stands for; `None` when somebody else holds it.
+    ///
+    /// Errors: as for [`take`](Self::take).
+    pub fn take_now(place: &Path) -> Result<Option<Self>, RecordError> {
+        let folder = place.parent().unwrap_or(Path::new("."));
+        fs::create_dir_all(folder).map_err(io_error("claim", place))?;
+        let owner = Owner::this();
+        let mut own = beside(folder).map_err(io_error("claim", place))?;
+        own.write_all(&owner.text()).and_then(|()| own.as_file().sync_all()).map_err(io_error("claim", place))?;
+        // The time of the machine that keeps the files, by which it also tells when others were touched.
+        let now = own.as_file().metadata().and_then(|own| own.modified()).map_err(io_error("claim", place))?;
+        let End::Free(chain) = end(place, now)? else { return Ok(None) };
+        let last = chain.last().map_or(place, PathBuf::as_path);
+        match fs::hard_link(own.path(), last) {
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => return Ok(None),
+            // The answer of a network file system may have been lost, and the second try have met the first one's link.
+            Err(error) if !is_linked(own.as_file()) => return Err(io_error("claim", last)(error)),
+            _ => {}
+        }
+        // Where the claim before this one was removed meanwhile, nobody will find this one.
+        if !leads_to(place, &chain)? {
+            remove_if_there(last)?;
+            return Ok(None);
+        }
+        let next = behind(place, &owner);
+        let file = own.into_file();
+        let lost = Arc::new(AtomicBool::new(false));
+        let beats = touch(file, next.clone(), last.to_owned(), Arc::clone(&lost)).map_err(io_error("claim", place))?;
+        Ok(Some(Self { chain, next, lost, beats: Some(beats) }))
+    }
+
     /// Whether somebody holds the claim; takes none and writes nothing.
     ///
-    /// Errors: the file of the lock is there and cannot be read.
+    /// Errors: its file is there and cannot be read.
     pub fn is_held(paths: &RunPaths) -> Result<bool, RecordError> {
-        let file = match intake::open(&paths.claim, Links::Refuse, OpenOptions::new().read(true)) {
-            Ok(file) => file,
-            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(false),
-            Err(error) => return Err(opened_or(&paths.claim, "read")(error)),
-        };
-        match file.try_lock_shared() {
-            Ok(()) => Ok(false),
-            Err(TryLockError::WouldBlock) => Ok(true),
-            Err(TryLockError::Error(source)) => Err(io_error("read", &paths.claim)(source)),
+        Ok(Self::owner(paths)?.is_some())
+    }
+
+    /// Who holds the claim.
+    ///
+    /// Errors: as for [`is_held`](Self::is_held).
+    pub fn owner(paths: &RunPaths) -> Result<Option<Owner>, RecordError> {
+        // By this machine's clock, which may be wrong by less than the silence that counts.
+        Ok(match end(&paths.claim, SystemTime::now())? {
+            End::Held(owner) => Some(owner),
+            End::Free(_) => None,
+        })
+    }
+
+    /// Whether another machine took this process for dead, since it stood still for too long: then what the claim stood for is no
+    /// longer its own.
+    pub fn is_lost(&self) -> bool {
+        self.lost.load(Ordering::SeqCst) || self.next.exists()
+    }
+}
+
+impl Drop for Claim {
+    fn drop(&mut self) {
+        drop(self.beats.take());
+        // The first one first: who finds it gone begins anew, and who is in the middle finds that it leads nowhere. What cannot
+        // be removed is a dead owner's as soon as this process ends.
+        if !self.is_lost() {
+            self.chain.iter().for_each(|path| drop(fs::remove_file(path)));
         }
+    }
+}
+
+/// The file behind the claim of `owner` on `place`.
+fn behind(place: &Path, owner: &Owner) -> PathBuf {
+    let mut name = place.file_name().unwrap_or_default().to_owned();
+    name.push(format!(".{}", owner.number));
+    place.with_file_name(name)
+}
+
+/// The last claim on `place`, when it is `now`.
+fn end(place: &Path, now: SystemTime) -> Result<End, RecordError> {
+    let mut chain = vec![place.to_owned()];
+    while let Some(last) = chain.last().filter(|_| chain.len() < LONGEST) {
+        let Some((owner, touched)) = read(last)? else { return Ok(End::Free(chain)) };
+        let silent = now.duration_since(touched).unwrap_or_default();
+        if owner.is_alive().unwrap_or(silent < SILENCE) {
+            return Ok(End::Held(owner));
+        }
+        let next = behind(place, &owner);
+        if chain.contains(&next) {
+            let reason = "it leads back to itself; remove it where nobody works on the run".to_owned();
+            return Err(RecordError::Malformed { path: next, expected: "a claim", reason });
+        }
+        chain.push(next);
+    }
+    let reason = format!("{LONGEST} owners died; remove it where nobody works on the run");
+    Err(RecordError::Malformed { path: place.to_owned(), expected: "a claim that can be taken", reason })
+}
+
+/// The owner that a claim names, and when it was last touched; `None` where there is no claim.
+fn read(path: &Path) -> Result<Option<(Owner, SystemTime)>, RecordError> {
+    let file = match intake::open(path, Links::Refuse, OpenOptions::new().read(true)) {
+        Ok(file) => file,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+        Err(error) => return Err(super::opened_or(path, "read")(error)),
+    };
+    let touched = file.metadata().and_then(|file| file.modified()).map_err(io_error("read", path))?;
+    let Some(text) = read_bounded(path, LIMIT)? else { return Ok(None) };
+    match Owner::read(&text) {
+        Some(owner) => Ok(Some((owner, touched))),
+        None => {
+            let reason = "it names no owner; remove it where nobody works on the run".to_owned();
+            Err(RecordError::Malformed { path: path.to_owned(), expected: "a claim", reason })
+        }
+    }
+}
+
+/// Whether each claim of the chain on `place` still leads to the next. Where it does, none has been removed since the chain was
+/// read: owners remove the first one first, and no number comes again.
+fn leads_to(place: &Path, chain: &[PathBuf]) -> Result<bool, RecordError> {
+    for pair in chain.windows(2) {
+        let owner = read(&pair[0])?;
+        if owner.is_none_or(|(owner, _)| behind(place, &owner) != pair[1]) {
+            return Ok(false);
+        }
+    }
+    Ok(true)
+}
+
+/// Whether the file has two names.
+fn is_linked(file: &File) -> bool {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt;
+        file.metadata().is_ok_and(|file| file.nlink() == 2)
+    }
+    #[cfg(not(unix))]
+    {
+        let _ = file;
+        false
+    }
+}
+
+/// Touches `file`, the claim at `place`, now and then until what this gives is dropped, and tells when it is lost: another one
+/// lies behind it at `next`.
+fn touch(file: File, next: PathBuf, place: PathBuf, lost: Arc<AtomicBool>) -> io::Result<Sender<()>> {
+    let (sender, receiver) = mpsc::channel();
+    let beat = move || {
+        while receiver.recv_timeout(BEAT) == Err(RecvTimeoutError::Timeout) {
+            if next.exists() || !place.exists() {
+                lost.store(true, Ordering::SeqCst);
+                return;
+            }
+            let _ = stamp(&file); // the next one may succeed
+        }
+    };
+    thread::Builder::new().name("claim".to_owned()).spawn(beat)?;
+    Ok(sender)
+}
+
+/// Sets a file's time to that of the machine which keeps it.
+fn stamp(file: &File) -> io::Result<()> {
+    #[cfg(unix)]
+    {
+        use rustix::fs::{Timespec, Timestamps, UTIME_NOW};
+        let now = Timespec { tv_sec: 0, tv_nsec: UTIME_NOW };
+        Ok(rustix::fs::futimens(file, &Timestamps { last_access: now, last_modification: now })?)
+    }
+    #[cfg(not(unix))]
+    {
+        file.set_modified(SystemTime::now())
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::sync::atomic::AtomicUsize;
+
     use super::*;
+
+    fn bench() -> (tempfile::TempDir, RunPaths) {
+        let folder = tempfile::tempdir().expect("a folder");
+        let paths = RunPaths::new(folder.path(), "e", "a/seed-0").expect("a good id");
+        fs::create_dir_all(paths.claim.parent().expect("a folder")).expect("made");
+        (folder, paths)
+    }
+
+    /// A claim that was left by `owner`, untouched for `silent`.
+    fn left_by(path: &Path, owner: &Owner, silent: Duration) {
+        fs::write(path, owner.text()).expect("written");
+        let file = File::options().write(true).open(path).expect("there");
+        file.set_modified(SystemTime::now() - silent).expect("set");
+    }
+
+    fn files(paths: &RunPaths) -> usize {
+        fs::read_dir(paths.claim.parent().expect("a folder")).expect("readable").count()
+    }
 
     #[test]
     fn a_claim_holds_others_off_until_it_is_dropped() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let paths = RunPaths::new(folder.path(), "e", "a/seed-0").expect("a good id");
+        let (_folder, paths) = bench();
         assert!(!Claim::is_held(&paths).expect("no file is no claim"));
         let claim = Claim::take(&paths).expect("made").expect("free");
         assert!(Claim::take(&paths).expect("no error").is_none(), "claimed twice");
-        assert!(Claim::is_held(&paths).expect("readable"));
+        assert!(Claim::is_held(&paths).expect("readable") && !claim.is_lost());
         drop(claim);
         assert!(!Claim::is_held(&paths).expect("readable"));
         assert!(Claim::take(&paths).expect("no error").is_some());
+        assert_eq!(files(&paths), 0, "something was left");
+    }
+
+    #[test]
+    fn a_process_that_died_here_holds_nobody_off() {
+        let (_folder, paths) = bench();
+        let mut child = std::process::Command::new("sleep").arg("60").spawn().expect("it starts");
+        let owner = Owner::process(child.id());
+        left_by(&paths.claim, &owner, Duration::from_secs(3600));
+        assert!(Claim::is_held(&paths).expect("readable"), "it lives, though it is silent");
+        assert!(Claim::take_now(&paths.claim).expect("no error").is_none());
+        child.kill().and_then(|()| child.wait()).expect("it ends");
+        assert!(!Claim::is_held(&paths).expect("readable"));
+        let claim = Claim::take_now(&paths.claim).expect("no error").expect("free");
+        assert!(Claim::take_now(&paths.claim).expect("no error").is_none(), "claimed twice");
+        drop(claim);
+        assert_eq!(files(&paths), 0, "something was left");
+    }
+
+    #[test]
+    fn an_owner_on_another_machine_is_dead_when_it_has_been_silent_for_long() {
+        let (_folder, paths) = bench();
+        let elsewhere = Owner::elsewhere();
+        left_by(&paths.claim, &elsewhere, SILENCE - Duration::from_secs(20));
+        assert!(
+            Claim::take_now(&paths.claim).expect("no error").is_none() && Claim::is_held(&paths).expect("readable")
+        );
+        left_by(&paths.claim, &elsewhere, SILENCE + Duration::from_secs(20));
+        assert!(!Claim::is_held(&paths).expect("readable"));
+        let claim = Claim::take_now(&paths.claim).expect("no error").expect("free");
+        // The dead one's next sign of life changes nothing.
+        left_by(&paths.claim, &elsewhere, Duration::ZERO);
+        assert!(!claim.is_lost());
+    }
+
+    #[test]
+    fn whoever_is_taken_for_dead_knows_it_and_leaves_what_is_anothers() {
+        let (_folder, paths) = bench();
+        let claim = Claim::take(&paths).expect("made").expect("free");
+        left_by(&claim.next, &Owner::elsewhere(), Duration::ZERO);
+        assert!(claim.is_lost());
+        drop(claim);
+        assert_eq!(files(&paths), 2, "the other's claim was removed");
+    }
+
+    #[test]
+    fn of_many_that_find_a_dead_owner_one_gets_the_claim() {
+        for round in 0..20 {
+            let (_folder, paths) = bench();
+            let dead = Owner::elsewhere();
+            left_by(&paths.claim, &dead, 2 * SILENCE);
+            left_by(&behind(&paths.claim, &dead), &Owner::elsewhere(), 2 * SILENCE);
+            let (holders, had) = (AtomicUsize::new(0), AtomicUsize::new(0));
+            thread::scope(|scope| {
+                for _ in 0..8 {
+                    scope.spawn(|| {
+                        let Some(_claim) = Claim::take(&paths).expect("no error") else { return };
+                        assert_eq!(holders.fetch_add(1, Ordering::SeqCst), 0, "two hold it, in round {round}");
+                        had.fetch_add(1, Ordering::SeqCst);
+                        thread::sleep(Duration::from_millis(3));
+                        holders.fetch_sub(1, Ordering::SeqCst);
+                    });
+                }
+            });
+            assert!(had.into_inner() >= 1);
+            assert_eq!(files(&paths), 0, "something was left");
+        }
     }
 
     #[cfg(unix)]
     #[test]
-    fn a_link_in_the_claims_place_leaves_the_other_file_alone() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let paths = RunPaths::new(folder.path(), "e", "a/seed-0").expect("a good id");
+    fn what_lies_in_the_claims_place_and_is_none_is_left_alone() {
+        let (folder, paths) = bench();
         let other = folder.path().join("other");
         fs::write(&other, "somebody's").expect("written");
-        fs::create_dir_all(paths.claim.parent().expect("a folder")).expect("made");
         std::os::unix::fs::symlink(&other, &paths.claim).expect("linked");
         assert!(Claim::take(&paths).is_err() && Claim::is_held(&paths).is_err());
         fs::remove_file(&paths.claim).expect("there");
         fs::hard_link(&other, &paths.claim).expect("linked");
-        drop(Claim::take(&paths).expect("made"));
+        let message = Claim::take(&paths).expect_err("no claim").to_string();
+        assert!(message.contains("names no owner"), "{message}");
         assert_eq!(fs::read_to_string(&other).expect("readable"), "somebody's");
-    }
-
-    #[test]
-    fn a_look_at_a_claim_keeps_nobody_from_taking_it() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let paths = RunPaths::new(folder.path(), "e", "a/seed-0").expect("a good id");
-        drop(Claim::take(&paths).expect("made"));
-        let look = File::open(&paths.claim).expect("there");
-        look.lock_shared().expect("free");
-        let taken = thread::scope(|scope| {
-            scope.spawn(move || {
-                thread::sleep(2 * PAUSE);
-                drop(look);
-            });
-            Claim::take(&paths).expect("no error")
-        });
-        assert!(taken.is_some());
     }
 }

@@ -10,6 +10,7 @@ pub mod compare;
 mod executable;
 mod heartbeat;
 mod manifest;
+mod owner;
 mod paths;
 pub mod policy;
 pub mod pretrained;
@@ -29,6 +30,7 @@ pub use claim::Claim;
 pub use executable::Executable;
 pub use heartbeat::Heartbeat;
 pub use manifest::{Attempt, Manifest, Outcome, TableDigests};
+pub use owner::Owner;
 pub use paths::{RunPaths, check_writable, experiment_folder};
 pub use provenance::{Build, Demonstrated, Origin, Stamp, cpu_class, now};
 pub use repository::Git;
@@ -51,6 +53,12 @@ pub enum RecordError {
         path: PathBuf,
         /// What the system said.
         source: io::Error,
+    },
+    /// Another machine took this process for dead.
+    #[error("{} is another process's now: this one stood still for too long", path.display())]
+    Lost {
+        /// The run's folder.
+        path: PathBuf,
     },
     /// A name that would not stay in its folder.
     #[error("`{name}` cannot name a folder of results: {reason}")]

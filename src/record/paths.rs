@@ -21,7 +21,7 @@ pub struct RunPaths {
     pub complete: PathBuf,
     /// The same with `.partial`: where it is written.
     pub partial: PathBuf,
-    /// The file whose lock says that somebody works on the run. It is never removed: a lock on a removed file holds nobody off.
+    /// The file that says who works on the run.
     pub claim: PathBuf,
     /// `<results>/.pretrained`: agents trained before their runs, for all runs under these results that share them.
     pub pretrained: PathBuf,
@@ -41,6 +41,8 @@ impl RunPaths {
             claim.push(part);
         }
         let partial = with_suffix(&complete, ".partial");
+        // An older program has locks of the bare name.
+        let claim = with_suffix(&claim, ".claim");
         Ok(Self { complete, partial, claim, pretrained: results.join(".pretrained") })
     }
 

@@ -4,23 +4,16 @@
 //! same agent finds it. The folder is a convenience alone: without it, or with a damaged file in it, agents are trained
 //! anew, to the same bits.
 
-use std::{
-    fs::{self, File, OpenOptions, TryLockError},
-    path::Path,
-    thread,
-    time::Duration,
-};
+use std::{path::Path, thread, time::Duration};
 
 use tracing::{info, warn};
 
 use super::{
-    RecordError,
+    Claim, RecordError,
     checkpoint::{read_sealed, write_sealed},
-    io_error, opened_or,
 };
 use crate::{
     algo::Agent,
-    intake::{self, Links},
     train::{Pretrain, TrainError},
 };
 
@@ -43,7 +36,7 @@ pub fn pretrained(
 ) -> Result<Agent, TrainError> {
     let name = &blake3::hash(format!("{key} {} {}", machine.0, machine.1).as_bytes()).to_hex()[..32];
     let path = folder.join(name);
-    let _lock = lock(folder, &path.with_extension("lock"), alive)?;
+    let _claim = lock(&path.with_extension("claim"), alive)?;
     match read_sealed(&path, NAME, key) {
         Ok(Some(agent)) => {
             info!("found the pre-trained agent {name}");
@@ -58,21 +51,15 @@ pub fn pretrained(
     Ok(agent)
 }
 
-/// Waits for the lock, which lasts until it is dropped or its process ends, however it ends.
-fn lock(folder: &Path, path: &Path, alive: &mut dyn FnMut()) -> Result<File, RecordError> {
+/// Waits for the claim on `place`.
+fn lock(place: &Path, alive: &mut dyn FnMut()) -> Result<Claim, RecordError> {
     const LOOK: Duration = Duration::from_millis(100);
-    fs::create_dir_all(folder).map_err(io_error("create", folder))?;
-    let options = OpenOptions::new().write(true).create(true).truncate(false).clone();
-    let file = intake::open(path, Links::Refuse, &options).map_err(opened_or(path, "create"))?;
     loop {
-        match file.try_lock() {
-            Ok(()) => return Ok(file),
-            Err(TryLockError::WouldBlock) => {
-                alive();
-                thread::sleep(LOOK);
-            }
-            Err(TryLockError::Error(error)) => return Err(io_error("lock", path)(error)),
+        if let Some(claim) = Claim::take_now(place)? {
+            return Ok(claim);
         }
+        alive();
+        thread::sleep(LOOK);
     }
 }
 
@@ -84,7 +71,10 @@ impl From<RecordError> for TrainError {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::atomic::{AtomicU32, Ordering};
+    use std::{
+        fs,
+        sync::atomic::{AtomicU32, Ordering},
+    };
 
     use super::*;
     use crate::{

@@ -110,7 +110,7 @@ impl Origin {
     /// This process.
     pub fn current() -> Self {
         Self {
-            host: read_line("/proc/sys/kernel/hostname").or_else(|| env::var("HOSTNAME").ok()).unwrap_or_else(unknown),
+            host: host(),
             cpu: cpu_model().unwrap_or_else(unknown),
             command_line: env::args_os().map(|argument| argument.to_string_lossy().into_owned()).collect(),
             called: now(),
@@ -118,6 +118,11 @@ impl Origin {
             git: Git::of(Path::new(".")),
         }
     }
+}
+
+/// This machine's name.
+pub(super) fn host() -> String {
+    read_line("/proc/sys/kernel/hostname").or_else(|| env::var("HOSTNAME").ok()).unwrap_or_else(unknown)
 }
 
 fn unknown() -> String {

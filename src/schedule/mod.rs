@@ -12,6 +12,7 @@ pub mod local;
 pub mod preflight;
 pub mod progress;
 mod recorder;
+pub mod shard;
 pub mod state;
 pub mod stop;
 pub mod worker;

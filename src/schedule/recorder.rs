@@ -13,7 +13,7 @@ use crate::{
     algo::Agent,
     plan::RunSpec,
     record::{
-        Attempt, Checkpoint, Heartbeat, Manifest, Outcome, RecordError, RunPaths, TableDigests, now, policy,
+        Attempt, Checkpoint, Claim, Heartbeat, Manifest, Outcome, RecordError, RunPaths, TableDigests, now, policy,
         pretrained::pretrained, rows,
     },
     train::{EvaluationEpisode, Flow, Iteration, Pretrain, RunSink, SinkError, TrainError},
@@ -26,6 +26,8 @@ const HEARTBEAT: Duration = Duration::from_secs(1);
 pub(super) struct Recorder<'a> {
     spec: &'a RunSpec,
     paths: RunPaths,
+    /// Held to its end.
+    claim: Claim,
     stop: StopRequest,
     manifest: Manifest,
     /// The rows so far, and what the last checkpoint held beside them.
@@ -46,6 +48,7 @@ impl<'a> Recorder<'a> {
     pub fn begin(
         spec: &'a RunSpec,
         paths: RunPaths,
+        claim: Claim,
         stop: StopRequest,
         mut manifest: Manifest,
         recorded: Checkpoint,
@@ -68,6 +71,7 @@ impl<'a> Recorder<'a> {
         Ok(Self {
             spec,
             paths,
+            claim,
             stop,
             manifest,
             seconds_before: recorded.seconds,
@@ -85,6 +89,7 @@ impl<'a> Recorder<'a> {
     ///
     /// Errors: the disk refuses.
     pub fn finish(mut self) -> Result<Event, RecordError> {
+        self.refuse_what_is_anothers()?;
         let folder = &self.paths.partial;
         let keys = rows::Keys::from(self.spec);
         let stamp = &self.manifest.stamp;
@@ -110,6 +115,14 @@ impl<'a> Recorder<'a> {
         Ok(Event::Stopped)
     }
 
+    /// Errors: another machine has taken the run up, since this process stood still for too long.
+    fn refuse_what_is_anothers(&self) -> Result<(), RecordError> {
+        match self.claim.is_lost() {
+            true => Err(RecordError::Lost { path: self.paths.partial.clone() }),
+            false => Ok(()),
+        }
+    }
+
     fn seconds(&self) -> f64 {
         self.seconds_before + self.began.elapsed().as_secs_f64()
     }
@@ -126,6 +139,7 @@ impl<'a> Recorder<'a> {
     }
 
     fn checkpoint(&mut self, state: &dyn Fn() -> Vec<u8>) -> Result<(), RecordError> {
+        self.refuse_what_is_anothers()?;
         self.recorded.state = state();
         self.recorded.seconds = self.seconds();
         self.recorded.write(&RunPaths::checkpoint(&self.paths.partial), &self.manifest.stamp.fingerprint)?;

@@ -6,6 +6,7 @@ use std::{
         Arc,
         atomic::{AtomicBool, Ordering},
     },
+    time::{Duration, Instant},
 };
 
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1};
@@ -19,6 +20,8 @@ pub struct StopRequest {
     by_signal: Arc<AtomicBool>,
     /// Apart, so that a signal which comes after another request is still the first signal.
     by_program: Arc<AtomicBool>,
+    /// When it makes itself.
+    deadline: Option<Instant>,
 }
 
 impl StopRequest {
@@ -38,6 +41,11 @@ impl StopRequest {
         Ok(request)
     }
 
+    /// The same request, which also makes itself when `time` has passed from now on.
+    pub fn or_after(self, time: Duration) -> Self {
+        Self { deadline: Instant::now().checked_add(time), ..self }
+    }
+
     /// Asks for a stop.
     pub fn make(&self) {
         self.by_program.store(true, Ordering::SeqCst);
@@ -45,7 +53,8 @@ impl StopRequest {
 
     /// Whether it was asked for.
     pub fn is_made(&self) -> bool {
-        self.by_signal.load(Ordering::SeqCst) || self.by_program.load(Ordering::SeqCst)
+        let is_late = || self.deadline.is_some_and(|deadline| Instant::now() >= deadline);
+        self.by_signal.load(Ordering::SeqCst) || self.by_program.load(Ordering::SeqCst) || is_late()
     }
 }
 
@@ -67,5 +76,13 @@ mod tests {
         assert!(!copy.is_made());
         request.make();
         assert!(copy.is_made());
+    }
+
+    #[test]
+    fn a_request_makes_itself_when_its_time_is_up() {
+        let request = StopRequest::default().or_after(Duration::from_millis(100));
+        assert!(!request.is_made() && !StopRequest::default().or_after(Duration::MAX).is_made());
+        std::thread::sleep(Duration::from_millis(150));
+        assert!(request.is_made());
     }
 }

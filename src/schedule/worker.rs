@@ -82,7 +82,7 @@ fn work() -> Result<Event, WorkerError> {
         serde_json::from_value(job.stamp.spec.clone()).map_err(|error| WorkerError::Job(error.to_string()))?;
     let paths = RunPaths::new(job.results.as_ref(), &spec.experiment, &spec.id)?;
     let mut run = Planned { spec, paths, stamp: job.stamp };
-    let Some(_claim) = Claim::take(&run.paths)? else { return Ok(Event::Claimed) };
+    let Some(claim) = Claim::take(&run.paths)? else { return Ok(Event::Claimed) };
     run.paths.settle()?;
     let ended = run.paths.ended()?;
     if let Some(ended) = &ended {
@@ -116,7 +116,7 @@ fn work() -> Result<Event, WorkerError> {
     };
     let state = Some(mem::take(&mut recorded.state)).filter(|state| !state.is_empty());
     threads::set(job.threads);
-    let mut recorder = Recorder::begin(&run.spec, run.paths, stop, manifest, recorded)?;
+    let mut recorder = Recorder::begin(&run.spec, run.paths, claim, stop, manifest, recorded)?;
     Ok(match train::run(&run.spec, state.as_deref(), &mut recorder)? {
         Ending::Finished => recorder.finish()?,
         Ending::Stopped => recorder.stop()?,

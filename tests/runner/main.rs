@@ -3,6 +3,7 @@
 mod campaigns;
 mod extension;
 mod faults;
+mod machines;
 mod reproduction;
 mod sharing;
 mod workbench;
