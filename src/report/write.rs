@@ -171,6 +171,10 @@ impl Files {
     const EXTENSIONS: [&str; 7] = ["md", "tex", "csv", "png", "svg", "pdf", "html"];
 
     fn in_folder(folder: PathBuf) -> Result<Self, RecordError> {
+        if folder.is_symlink() {
+            let reason = "it is a link, and what it leads to might be overwritten".to_owned();
+            return Err(RecordError::Malformed { path: folder, expected: "a folder to write a report into", reason });
+        }
         fs::create_dir_all(&folder).map_err(|source| RecordError::Io {
             action: "create",
             path: folder.clone(),
@@ -453,6 +457,19 @@ mod tests {
         assert!(!page.contains('\x1b') && !page.contains("<script>") && page.contains("\\|&lt;script&gt;"), "{page}");
         let tex = fs::read_to_string(&written.files[2]).expect("readable");
         assert!(!tex.contains('\x1b') && tex.contains("$|$$<$script$>$"), "{tex}");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_report_is_not_written_through_a_link() {
+        let (folder, elsewhere) = (tempfile::tempdir().expect("a folder"), tempfile::tempdir().expect("a folder"));
+        record_some(folder.path());
+        fs::write(elsewhere.path().join("README.md"), "precious").expect("written");
+        std::os::unix::fs::symlink(elsewhere.path(), folder.path().join("made-up/report")).expect("linked");
+        let error = write(&experiment(""), folder.path(), &Scope::default()).expect_err("refused");
+        let refused = error.to_string();
+        assert!(refused.contains("made-up/report is not a folder to write a report into: it is a link"), "{refused}");
+        assert_eq!(fs::read_to_string(elsewhere.path().join("README.md")).expect("readable"), "precious");
     }
 
     #[test]
