@@ -20,6 +20,7 @@ mod recorded;
 pub mod reference;
 mod scope;
 mod settings;
+mod statistics;
 mod table;
 mod text;
 mod verdict;

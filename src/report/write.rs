@@ -21,11 +21,15 @@ use super::{
     page::{self, Contents, Shows},
     recorded::{self, Loaded, Run, State},
     settings::SettingsData,
+    statistics::StatisticsData,
     text,
 };
 
 /// The name of the files of claims.
 const CLAIMS: &str = "claims";
+/// Those of the files of summaries over environments.
+const STATISTICS: &str = "statistics";
+const PROFILE: &str = "statistics-profile";
 
 /// What was written of one experiment.
 #[derive(Debug, Clone, PartialEq)]
@@ -126,6 +130,26 @@ pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Wri
             shows: curves.map_or(Shows::Picture(svg), Shows::Curves),
         });
     }
+    let statistics = StatisticsData::new(&runs, &identities);
+    if let Some(data) = &statistics {
+        let markdown = text::statistics::markdown(data);
+        files.write(STATISTICS, "md", markdown.as_bytes())?;
+        files.latex(STATISTICS, text::statistics::latex(STATISTICS, data))?;
+        files.write(STATISTICS, "csv", &text::statistics::csv(data)?)?;
+        files.write(&format!("{PROFILE}-curves"), "csv", &text::curves_csv(&data.profile)?)?;
+        let picture = figure::draw(&data.profile);
+        files.write(PROFILE, "png", &picture.png().map_err(ReportError::Draw)?)?;
+        files.write(PROFILE, "svg", picture.svg().map_err(ReportError::Draw)?.as_bytes())?;
+        let title = &data.profile.title;
+        body.push_str(&format!("\n#{markdown}\n## {title}\n\n![{title}]({PROFILE}.png)\n"));
+        shown.push(page::Figure {
+            name: PROFILE,
+            title,
+            caption: figure::notes(&data.profile).all(),
+            files: vec![".png", ".svg", "-curves.csv"],
+            shows: Shows::Curves(data.profile.clone()),
+        });
+    }
     let mut state = vec![finished(&runs, planned, &untouched)];
     state.extend(scope.heading());
     state.extend(remarks);
@@ -146,6 +170,7 @@ pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Wri
         claims: judged.as_ref(),
         tables: tables.iter().map(|table| table.name.as_str()).zip(&made).collect(),
         settings,
+        statistics: statistics.as_ref(),
         figures: shown,
     };
     files.write("index", "html", page::html(&contents).as_bytes())?;

@@ -7,6 +7,7 @@ pub mod claims;
 mod csv;
 mod digits;
 pub mod settings;
+pub mod statistics;
 mod terminal;
 mod tex;
 
