@@ -9,6 +9,7 @@ mod claims;
 mod comparable;
 mod counterpart;
 mod curve;
+pub mod export;
 mod figure;
 #[cfg(test)]
 mod fixture;

@@ -132,7 +132,7 @@ fn rng() -> Rng {
 }
 
 /// A return as a score.
-fn score(env: EnvId, value: f64) -> Option<f64> {
+pub fn score(env: EnvId, value: f64) -> Option<f64> {
     let scale = reference::scale(env.name())?;
     Some((value - scale.random) / scale.distance)
 }

@@ -121,7 +121,7 @@ pub fn curves_csv(data: &CurveData) -> Result<Vec<u8>, csv::Error> {
 }
 
 /// These rows below their headers.
-pub(super) fn written(headers: &[&str], rows: impl Iterator<Item = Vec<String>>) -> Result<Vec<u8>, csv::Error> {
+pub fn written(headers: &[&str], rows: impl Iterator<Item = Vec<String>>) -> Result<Vec<u8>, csv::Error> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     writer.write_record(headers)?;
     for row in rows {
@@ -131,7 +131,7 @@ pub(super) fn written(headers: &[&str], rows: impl Iterator<Item = Vec<String>>)
 }
 
 /// A number that every program reads; nothing where there is none.
-pub(super) fn number(value: Option<f64>) -> String {
+pub fn number(value: Option<f64>) -> String {
     value.filter(|x| x.is_finite()).map_or(String::new(), |x| match x.abs() {
         0.0 | 1e-5..1e16 => x.to_string(),
         _ => format!("{x:e}"),
@@ -139,7 +139,7 @@ pub(super) fn number(value: Option<f64>) -> String {
 }
 
 /// The value of a key; nothing where the runs do not have it.
-pub(super) fn value(value: &Option<toml::Value>) -> String {
+pub fn value(value: &Option<toml::Value>) -> String {
     match value {
         None => String::new(),
         Some(toml::Value::Float(x)) => number(Some(*x)),
