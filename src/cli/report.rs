@@ -1,13 +1,15 @@
 //! `mcpo-run report PATH...`.
 
-use std::{path::Path, process::ExitCode};
+use std::{collections::BTreeSet, path::Path, process::ExitCode};
 
 use anyhow::bail;
 use comfy_table::Table;
 
 use super::{print, selected::Selected};
 use crate::{
-    report::{self, ClaimRow, ClaimVerdict, Label, ReportError, Row, Scope, TableData, Verdict, claims_text},
+    report::{
+        self, ClaimRow, ClaimVerdict, Label, ReportError, Row, Scope, TableData, Verdict, claims_text, export::Format,
+    },
     spec::ExperimentSpec,
 };
 
@@ -22,13 +24,48 @@ pub struct ReportArguments {
     /// Exit with 3 where a value is better or worse than the paper's, or a claim of the file is contradicted
     #[arg(long)]
     strict: bool,
+    /// Also write what other programs read, into the report's folder `export`
+    #[arg(long, value_name = "FORMAT,...", value_delimiter = ',', value_enum)]
+    export: Vec<Export>,
+}
+
+/// What other programs read.
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum Export {
+    /// Event files with hyperparameters, for TensorBoard
+    Tensorboard,
+    /// Scores by method, seed and environment, as rliable reads them
+    Rliable,
+    /// Every evaluation, as marl-eval reads them
+    MarlEval,
+    /// Every evaluation episode as a row
+    Csv,
+    /// The numbers of each figure
+    Json,
+}
+
+impl From<Export> for Format {
+    fn from(export: Export) -> Self {
+        match export {
+            Export::Tensorboard => Self::Tensorboard,
+            Export::Rliable => Self::Rliable,
+            Export::MarlEval => Self::MarlEval,
+            Export::Csv => Self::Csv,
+            Export::Json => Self::Json,
+        }
+    }
 }
 
 /// Reports what `arguments` say.
 pub fn run(arguments: &ReportArguments) -> anyhow::Result<ExitCode> {
     let Selected { only, axis, set, results, .. } = &arguments.selected;
     let scope = Scope { only: only.clone(), axis: axis.clone(), set: set.clone() };
-    let is_contradicted = write(&arguments.selected.load()?, results, &scope, false)?;
+    let experiments = arguments.selected.load()?;
+    let is_contradicted = write(&experiments, results, &scope, false)?;
+    let formats: BTreeSet<Format> = arguments.export.iter().copied().map(Format::from).collect();
+    if !formats.is_empty() {
+        export(&experiments, results, &scope, &formats.into_iter().collect::<Vec<_>>())?;
+    }
     Ok(if arguments.strict && is_contradicted { ExitCode::from(CONTRADICTED) } else { ExitCode::SUCCESS })
 }
 
@@ -67,6 +104,18 @@ pub fn write(experiments: &[ExperimentSpec], results: &Path, scope: &Scope, quie
     }
     without.iter().try_for_each(|line| print(&format!("{line}\n")))?;
     Ok(is_contradicted)
+}
+
+/// Writes what is recorded of `experiments` for other programs, and names the files.
+fn export(experiments: &[ExperimentSpec], results: &Path, scope: &Scope, formats: &[Format]) -> anyhow::Result<()> {
+    for experiment in experiments {
+        match report::export::export(experiment, results, scope, formats) {
+            // Which were named when the report was written.
+            Err(ReportError::NothingRecorded { .. } | ReportError::NoneMatch { .. }) => {}
+            files => print(&files?.iter().map(|file| format!("{}\n", file.display())).collect::<String>())?,
+        }
+    }
+    Ok(())
 }
 
 /// How wide the terminal is; `COLUMNS` says it where stdout is none.

@@ -26,6 +26,8 @@ pub const CONFIDENCE: f64 = 0.95;
 pub struct CurveData {
     /// Above the panels.
     pub title: String,
+    /// What the x axis shows.
+    pub across: Across,
     /// What the y axis shows, with its unit.
     pub y_label: String,
     /// Whether the y axis is logarithmic; then means and intervals are of log10, and the mean is geometric.
@@ -48,6 +50,28 @@ pub struct CurveData {
     pub smooth: Option<u64>,
     /// The width in print, inches; for the screen when absent.
     pub width: Option<f64>,
+    /// What its caption says, where that is not what is said of learning curves.
+    pub caption: Option<String>,
+}
+
+/// What an x axis shows.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum Across {
+    /// Environment steps of training, from 0.
+    #[default]
+    Steps,
+    /// Normalised scores, from one to another.
+    Scores(f64, f64),
+}
+
+impl Across {
+    /// Its name.
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::Steps => "environment steps",
+            Self::Scores(..) => "normalised return",
+        }
+    }
 }
 
 /// The curves of one panel.
@@ -118,7 +142,7 @@ pub struct LeftOut {
 /// One point of a curve.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point {
-    /// Environment steps of training.
+    /// Environment steps of training, or what else the x axis shows.
     pub env_steps: f64,
     /// Mean over the seeds.
     pub mean: f64,
@@ -173,6 +197,8 @@ impl CurveData {
             band: figure.band,
             smooth: figure.smooth.map(|steps| steps.get()),
             width: figure.width.map(|width| width.inches()),
+            across: Across::Steps,
+            caption: None,
         })
     }
 }

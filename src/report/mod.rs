@@ -9,6 +9,7 @@ mod claims;
 mod comparable;
 mod counterpart;
 mod curve;
+pub mod export;
 mod figure;
 #[cfg(test)]
 mod fixture;
@@ -20,6 +21,7 @@ mod recorded;
 pub mod reference;
 mod scope;
 mod settings;
+mod statistics;
 mod table;
 mod text;
 mod verdict;

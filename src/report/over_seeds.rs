@@ -212,6 +212,11 @@ pub fn seed_values(recording: &Recording, y: &str) -> Vec<(u64, f64)> {
     values(recording, y, Bins::of(std::iter::once(recording), y), u64::MAX)
 }
 
+/// The same without averaging: every iteration, or every evaluation's mean.
+pub fn values_of(recording: &Recording, y: &str) -> Vec<(u64, f64)> {
+    values(recording, y, Bins { width: 0 }, u64::MAX)
+}
+
 /// The same in the bins of all seeds, until `end`.
 fn values(recording: &Recording, y: &str, bins: Bins, end: u64) -> Vec<(u64, f64)> {
     if y == "return" {

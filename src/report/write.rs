@@ -21,11 +21,15 @@ use super::{
     page::{self, Contents, Shows},
     recorded::{self, Loaded, Run, State},
     settings::SettingsData,
+    statistics::StatisticsData,
     text,
 };
 
 /// The name of the files of claims.
 const CLAIMS: &str = "claims";
+/// Those of the files of summaries over environments.
+const STATISTICS: &str = "statistics";
+const PROFILE: &str = "statistics-profile";
 
 /// What was written of one experiment.
 #[derive(Debug, Clone, PartialEq)]
@@ -48,24 +52,12 @@ pub struct Written {
 ///
 /// Errors: nothing is recorded, the scope means no run, or the disk refuses.
 pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Written, ReportError> {
-    let mut plan = plan::plan(spec)?;
-    let home = record::experiment_folder(results, &spec.name)?;
-    if !home.join("runs").is_dir() {
-        return Err(ReportError::NothingRecorded { experiment: spec.name.clone(), results: results.to_owned() });
-    }
-    let identities = identities(&plan);
-    if let Some(selection) = scope.selection()? {
-        let runs = plan.len();
-        plan.retain(|run| selection.matches(run));
-        if plan.is_empty() {
-            let only = scope.only.join(",");
-            return Err(ReportError::NoneMatch { experiment: spec.name.clone(), runs, only });
-        }
-    }
+    let (home, whole, plan) = planned(spec, results, scope)?;
+    let identities = identities(&whole);
     let figures = figures(spec);
     let progress = figures.iter().any(|figure| figure.y != "return") || spec.claims.iter().any(claims::needs_progress);
     let Loaded { mut runs, remarks } = recorded::load(&plan, results, progress)?;
-    let planned = runs.len();
+    let count = runs.len();
     let untouched = leave_out_untouched(&mut runs);
     let tables = tables(spec, &runs);
     let mut files = Files::in_folder(home.join(scope.folder()))?;
@@ -126,7 +118,27 @@ pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Wri
             shows: curves.map_or(Shows::Picture(svg), Shows::Curves),
         });
     }
-    let mut state = vec![finished(&runs, planned, &untouched)];
+    let statistics = StatisticsData::new(&runs, &identities);
+    if let Some(data) = &statistics {
+        let markdown = text::statistics::markdown(data);
+        files.write(STATISTICS, "md", markdown.as_bytes())?;
+        files.latex(STATISTICS, text::statistics::latex(STATISTICS, data))?;
+        files.write(STATISTICS, "csv", &text::statistics::csv(data)?)?;
+        files.write(&format!("{PROFILE}-curves"), "csv", &text::curves_csv(&data.profile)?)?;
+        let picture = figure::draw(&data.profile);
+        files.write(PROFILE, "png", &picture.png().map_err(ReportError::Draw)?)?;
+        files.write(PROFILE, "svg", picture.svg().map_err(ReportError::Draw)?.as_bytes())?;
+        let title = &data.profile.title;
+        body.push_str(&format!("\n#{markdown}\n## {title}\n\n![{title}]({PROFILE}.png)\n"));
+        shown.push(page::Figure {
+            name: PROFILE,
+            title,
+            caption: figure::notes(&data.profile).all(),
+            files: vec![".png", ".svg", "-curves.csv"],
+            shows: Shows::Curves(data.profile.clone()),
+        });
+    }
+    let mut state = vec![finished(&runs, count, &untouched)];
     state.extend(scope.heading());
     state.extend(remarks);
     state.extend(left_out(&runs));
@@ -146,6 +158,7 @@ pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Wri
         claims: judged.as_ref(),
         tables: tables.iter().map(|table| table.name.as_str()).zip(&made).collect(),
         settings,
+        statistics: statistics.as_ref(),
         figures: shown,
     };
     files.write("index", "html", page::html(&contents).as_bytes())?;
@@ -156,6 +169,30 @@ pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Wri
     files.write("README", "md", page.as_bytes())?;
     files.close()?;
     Ok(Written { files: files.written, tables: made, claims: judged, state: state.join("\n- ") })
+}
+
+/// The folder of `spec` under `results`, its runs, and those of them that `scope` means.
+///
+/// Errors: nothing is recorded, or the scope means no run.
+pub fn planned(
+    spec: &ExperimentSpec,
+    results: &Path,
+    scope: &Scope,
+) -> Result<(PathBuf, Vec<RunSpec>, Vec<RunSpec>), ReportError> {
+    let whole = plan::plan(spec)?;
+    let home = record::experiment_folder(results, &spec.name)?;
+    if !home.join("runs").is_dir() {
+        return Err(ReportError::NothingRecorded { experiment: spec.name.clone(), results: results.to_owned() });
+    }
+    let mut plan = whole.clone();
+    if let Some(selection) = scope.selection()? {
+        plan.retain(|run| selection.matches(run));
+        if plan.is_empty() {
+            let (runs, only) = (whole.len(), scope.only.join(","));
+            return Err(ReportError::NoneMatch { experiment: spec.name.clone(), runs, only });
+        }
+    }
+    Ok((home, whole, plan))
 }
 
 /// A folder of files of which the names are kept, so that a later report can remove those that it has not.
@@ -228,7 +265,7 @@ fn figure_files(figure: &Figure) -> Vec<&'static str> {
 }
 
 /// The figures of an experiment; its learning curves where it has neither figures nor tables.
-fn figures(spec: &ExperimentSpec) -> Vec<Figure> {
+pub fn figures(spec: &ExperimentSpec) -> Vec<Figure> {
     if !(spec.figures.is_empty() && spec.tables.is_empty()) {
         return spec.figures.clone();
     }
@@ -240,7 +277,7 @@ fn figures(spec: &ExperimentSpec) -> Vec<Figure> {
 }
 
 /// The looks of the file's series: seeds apart, which have none.
-fn identities(plan: &[RunSpec]) -> Identities {
+pub fn identities(plan: &[RunSpec]) -> Identities {
     let cells: BTreeMap<&str, &RunSpec> =
         plan.iter().map(|run| (run.id.rsplit_once('/').map_or(run.id.as_str(), |(cell, _)| cell), run)).collect();
     let runs: Vec<Run> = cells.into_values().map(|run| Run::new(run.clone(), State::Missing)).collect();
@@ -267,7 +304,7 @@ fn tables(spec: &ExperimentSpec, runs: &[Run]) -> Vec<Table> {
 }
 
 /// The runs that `only` means; all where it is absent.
-fn selected<'a>(runs: &'a [Run], only: Option<&str>) -> Result<Vec<&'a Run>, ReportError> {
+pub fn selected<'a>(runs: &'a [Run], only: Option<&str>) -> Result<Vec<&'a Run>, ReportError> {
     let selection = only.map(Selection::parse).transpose()?;
     Ok(runs.iter().filter(|run| selection.as_ref().is_none_or(|selection| run.is_in(selection))).collect())
 }

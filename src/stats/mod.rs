@@ -3,21 +3,21 @@
 //! Owns intervals and the summaries that reports of reinforcement learning have come to use (Agarwal et al., 2021). Knows
 //! no environment or algorithm: samples come as numbers, one a seed, grouped in strata, one a task; episodes of one seed
 //! are not samples. Start at [`t_interval`], which holds for few seeds; the bootstrap's intervals do not ([`bootstrap`]).
-//! [`Contrast`] compares means, [`best_of`] what is known by its best sample alone, and [`holm`] allows for many comparisons.
+//! [`Aggregates`] sums up many tasks, [`Contrast`] compares means, [`best_of`] what is known by its best sample alone, and [`holm`] allows for many comparisons.
 
+mod aggregates;
 pub mod best_of;
 pub mod bootstrap;
 mod contrast;
 mod holm;
-mod iqm;
 mod normal;
 mod performance_profile;
 mod probability_of_improvement;
 
+pub use aggregates::Aggregates;
 pub use bootstrap::{Bootstrap, Estimate};
 pub use contrast::Contrast;
 pub use holm::holm;
-pub use iqm::iqm;
 pub use performance_profile::performance_profile;
 pub use probability_of_improvement::{probability_of_improvement, share_above};
 
@@ -65,6 +65,35 @@ fn check_confidence(confidence: f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// `tests/reference/aggregates.py`: rliable's values to twelve digits, and the ends of its bootstrap to 0.01 of a score, since both
+    /// are drawn; those of a share to the one sample (of 35, or the pairs of five) by which drawn ends can differ.
+    #[test]
+    fn summaries_are_those_of_rliable() {
+        let reference: serde_json::Value =
+            serde_json::from_str(include_str!("../../tests/reference/aggregates.json")).expect("JSON");
+        let rows = |key: &str| -> Vec<Vec<f64>> { serde_json::from_value(reference[key].clone()).expect("numbers") };
+        let (ours, others) = (rows("ours"), rows("others"));
+        let tasks = |rows: &'static [Vec<f64>]| -> Vec<&[f64]> { rows.iter().map(Vec::as_slice).collect() };
+        let (ours, others) = (tasks(ours.leak()), tasks(others.leak()));
+        let mut rng = crate::rng::Seed(1).stream(crate::rng::Stream::Bootstrap, 0);
+        let bootstrap = Bootstrap { resamples: 20_000, confidence: 0.95 };
+        let close = |found: &[Estimate], wanted: &[Vec<f64>], error: f64| {
+            for (index, found) in found.iter().enumerate() {
+                let [value, low, high] = [0, 1, 2].map(|row| wanted[row][index]);
+                assert!((found.value - value).abs() < 1e-12, "{index}: {found:?} {value}");
+                assert!((found.low - low).abs() < error && (found.high - high).abs() < error, "{found:?} {low} {high}");
+            }
+        };
+        let Aggregates { iqm, median, mean, optimality_gap } =
+            Aggregates::of(&ours, &bootstrap, &mut rng).expect("samples");
+        close(&[iqm, median, mean, optimality_gap], &rows("iqm median mean optimality_gap"), 0.01);
+        let thresholds: Vec<f64> = serde_json::from_value(reference["thresholds"].clone()).expect("numbers");
+        let profile = performance_profile(&ours, &thresholds, &bootstrap, &mut rng).expect("samples");
+        close(&profile, &rows("profile"), 1.01 / 35.0);
+        let improvement = probability_of_improvement(&ours, &others, &bootstrap, &mut rng).expect("samples");
+        close(&[improvement], &rows("improvement"), 0.01);
+    }
 
     #[test]
     fn no_samples_have_no_mean_and_one_has_no_width() {

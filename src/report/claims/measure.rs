@@ -43,7 +43,7 @@ fn end(values: &[(u64, f64)]) -> Option<f64> {
 }
 
 /// The area under the values, between the first and the last, over its length; a single value's is itself.
-fn area(values: &[(u64, f64)]) -> Option<f64> {
+pub fn area(values: &[(u64, f64)]) -> Option<f64> {
     let (first, last) = (values.first()?, values.last()?);
     let pairs = values.windows(2).map(|pair| (pair[1].0 - pair[0].0) as f64 * (pair[0].1 + pair[1].1) / 2.0);
     let length = (last.0 - first.0) as f64;

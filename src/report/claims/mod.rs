@@ -4,7 +4,7 @@
 //! run is `measure`'s, how numbers are judged is `judge`'s; knows nothing of Markdown or LaTeX. Start at [`ClaimsData::new`].
 
 mod judge;
-mod measure;
+pub mod measure;
 
 use std::collections::BTreeSet;
 

@@ -33,6 +33,9 @@ impl Notes {
 
 /// The notes of `data`.
 pub fn notes(data: &CurveData) -> Notes {
+    if let Some(caption) = &data.caption {
+        return Notes { means: caption.clone(), lacking: String::new() };
+    }
     let curves: Vec<(&str, &str, &Curve)> = data
         .panels
         .iter()

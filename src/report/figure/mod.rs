@@ -16,7 +16,7 @@ pub mod ticks;
 mod words;
 
 pub use caption::notes;
-pub use panel::y_scale;
+pub use panel::{x_scale, x_ticks, y_scale};
 pub use style::{BLACK, PALETTE};
 
 use picture::{Anchor, Picture, Shape};

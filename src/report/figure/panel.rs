@@ -8,7 +8,7 @@ use super::{
     words::{fit, text},
 };
 use crate::{
-    report::curve::{Curve, CurveData, Panel, Point},
+    report::curve::{Across, Curve, CurveData, Panel, Point},
     spec::Band,
 };
 
@@ -96,14 +96,13 @@ fn wanted(sheet: &Sheet, height: f64) -> usize {
 pub fn draw(data: &CurveData, panel: &Panel, title: &str, sheet: &Sheet, frame: Frame) -> Vec<Shape> {
     let curves: Vec<(usize, &Curve)> =
         panel.curves.iter().enumerate().filter_map(|(index, curve)| Some((index, curve.as_ref()?))).collect();
-    let end = curves.iter().flat_map(|(_, curve)| &curve.points).map(|point| point.env_steps).fold(0.0, f64::max);
     // On whole points, so that all frames' lines look alike.
     let axes = Axes {
         left: (frame.left + frame.labels + sheet.scaled(10.0)).round(),
         right: (frame.left + frame.width - frame.gutter - sheet.scaled(8.0)).round(),
         top: (frame.top + head(sheet)).round(),
         bottom: (frame.top + frame.height - foot(sheet)).round(),
-        x: Scale { low: 0.0, high: if end > 0.0 { end * 1.02 } else { 1.0 }, log: false },
+        x: x_scale(data, panel),
         y: y_scale(data, panel),
     };
     let mut shapes = Vec::new();
@@ -115,14 +114,14 @@ pub fn draw(data: &CurveData, panel: &Panel, title: &str, sheet: &Sheet, frame: 
         let at = (middle, (axes.top + axes.bottom) / 2.0);
         shapes.push(Shape::Text(text(&why_empty(data, &curves), at, Anchor::Middle, sheet.text, GREY)));
     } else {
-        let x_ticks = axes.x.step_ticks(((axes.right - axes.left) / (4.7 * sheet.tick)) as usize);
+        let x_ticks = x_ticks(data, &axes.x, ((axes.right - axes.left) / (4.7 * sheet.tick)) as usize);
         shapes.extend(grid(sheet, &axes, &x_ticks, &axes.y.ticks(wanted(sheet, frame.height))));
         shapes.extend(lines(data, panel, sheet, &axes));
     }
     shapes.extend(outline(sheet, &axes));
     if frame.x_label {
         let at = (middle, axes.bottom + 1.1 * sheet.tick + sheet.scaled(2.0) + 1.35 * sheet.text);
-        shapes.push(Shape::Text(text("environment steps", at, Anchor::Middle, sheet.text, BLACK)));
+        shapes.push(Shape::Text(text(data.across.label(), at, Anchor::Middle, sheet.text, BLACK)));
     }
     shapes
 }
@@ -136,6 +135,27 @@ fn why_empty(data: &CurveData, curves: &[(usize, &Curve)]) -> String {
         () if any(|curve| curve.left_out.not_finite) => "no finite number".to_owned(),
         () if any(|curve| curve.left_out.absent) => "no point of all seeds".to_owned(),
         () => format!("no value of {}", data.y),
+    }
+}
+
+/// From 0 to a little beyond the last point, or as far as scores go.
+pub fn x_scale(data: &CurveData, panel: &Panel) -> Scale {
+    let (low, high) = match data.across {
+        Across::Scores(low, high) => (low, high),
+        Across::Steps => {
+            let points = panel.curves.iter().flatten().flat_map(|curve| &curve.points);
+            let end = points.map(|point| point.env_steps).fold(0.0, f64::max);
+            (0.0, if end > 0.0 { end * 1.02 } else { 1.0 })
+        }
+    };
+    Scale { low, high, log: false }
+}
+
+/// The marks of the x axis.
+pub fn x_ticks(data: &CurveData, x: &Scale, wanted: usize) -> Vec<Tick> {
+    match data.across {
+        Across::Steps => x.step_ticks(wanted),
+        Across::Scores(..) => x.ticks(wanted),
     }
 }
 

@@ -15,12 +15,12 @@ use super::{
 use crate::{
     escape,
     report::{
-        curve::{Curve, CurveData, Panel, Point, Single},
+        curve::{Across, Curve, CurveData, Panel, Point, Single},
         figure::{
             look,
             picture::text_width,
             ticks::{Scale, Tick},
-            y_scale,
+            x_scale, x_ticks, y_scale,
         },
         text::{Grid, alone},
     },
@@ -156,10 +156,7 @@ struct Axes {
 impl Axes {
     fn new(data: &CurveData, panel: &Panel) -> Self {
         let (_, width, height) = size(data);
-        let end = panel.curves.iter().flatten().flat_map(|curve| &curve.points).map(|point| point.env_steps);
-        let end = end.fold(0.0, f64::max);
-        let x = Scale { low: 0.0, high: if end > 0.0 { end * 1.02 } else { 1.0 }, log: false };
-        let y = y_scale(data, panel);
+        let (x, y) = (x_scale(data, panel), y_scale(data, panel));
         let labels = y.ticks(5).iter().map(|tick| text_width(&tick.label, TEXT)).fold(150.0, f64::max);
         let paper = panel.curves.iter().flatten().any(|curve| curve.paper.is_some());
         let right = width - if paper { GUTTER } else { 60.0 };
@@ -208,17 +205,18 @@ fn panel_html(data: &CurveData, index: usize, panel: &Panel, stride: usize) -> S
     format!(
         "<div class=\"panel\"><h4>{title}</h4>\n\
          <svg viewBox=\"0 0 {width} {height}\" data-panel=\"{index}\" tabindex=\"0\" role=\"img\" \
-         aria-label=\"{title}: {y_label} over environment steps. Arrow keys read values.\">\
+         aria-label=\"{title}: {y_label} over {x_label}. Arrow keys read values.\">\
          <text x=\"0\" y=\"{TEXT}\">{y_label}</text>{grid}{demo}{lines}{empty}\
-         <text class=\"end\" x=\"{right}\" y=\"{under:.0}\">environment steps</text></svg></div>\n",
-        grid = grid(&axes),
+         <text class=\"end\" x=\"{right}\" y=\"{under:.0}\">{x_label}</text></svg></div>\n",
+        grid = grid(data, &axes),
         lines = lines.collect::<String>(),
         right = axes.right,
+        x_label = data.across.label(),
         under = height - 40.0,
     )
 }
 
-fn grid(axes: &Axes) -> String {
+fn grid(data: &CurveData, axes: &Axes) -> String {
     let Axes { left, right, top, bottom, .. } = *axes;
     let y_mark = |tick: &Tick| {
         let y = axes.height_of(tick.at);
@@ -239,7 +237,7 @@ fn grid(axes: &Axes) -> String {
     };
     let rules: String = axes.y.ticks(5).iter().filter(|tick| !tick.label.is_empty()).map(y_mark).collect();
     let wanted = ((right - left) / (5.0 * TEXT)) as usize;
-    let marks: String = axes.x.step_ticks(wanted).iter().map(x_mark).collect();
+    let marks: String = x_ticks(data, &axes.x, wanted).iter().map(x_mark).collect();
     format!("{rules}{marks}<path class=\"axis\" d=\"M{left} {top}V{bottom}H{right}\"/>")
 }
 
@@ -333,7 +331,8 @@ fn ends(data: &CurveData, title: &str) -> String {
         let named = data.series.iter().zip(&panel.curves);
         named.filter_map(move |(label, curve)| row(panel, &label.text, curve.as_ref()?))
     });
-    let headers = ["panel", "series", "at step", "mean", "band", "seeds"].map(str::to_owned).to_vec();
+    let at = if data.across == Across::Steps { "at step" } else { "at" };
+    let headers = ["panel", "series", at, "mean", "band", "seeds"].map(str::to_owned).to_vec();
     let grid = Grid { headers, rows: rows.collect(), names: 2, numeric: vec![false, false, true, true, true, true] };
     format!(
         "<details class=\"more\"><summary>The end of each curve, as a table</summary>\n{}</details>\n",
@@ -375,7 +374,8 @@ fn numbers(data: &CurveData, stride: usize) -> Value {
         .zip(&data.looks)
         .map(|(label, look)| json!({"name": label.text, "class": class(*look)}))
         .collect();
-    json!({"y": data.y_label, "log": data.log_y, "series": series, "panels": panels.collect::<Vec<_>>()})
+    let unit = if data.across == Across::Steps { "steps" } else { data.across.label() };
+    json!({"unit": unit, "log": data.log_y, "series": series, "panels": panels.collect::<Vec<_>>()})
 }
 
 fn of_curve(series: usize, curve: &Curve, stride: usize) -> Value {
@@ -395,7 +395,7 @@ fn of_curve(series: usize, curve: &Curve, stride: usize) -> Value {
     let (low, high): (Vec<Option<Value>>, Vec<Option<Value>>) = (end(|band| band.0), end(|band| band.1));
     json!({
         "series": series,
-        "x": points.iter().map(|point| point.env_steps as u64).collect::<Vec<_>>(),
+        "x": points.iter().map(|point| whole(point.env_steps)).collect::<Vec<_>>(),
         "mean": points.iter().map(|point| digits(point.mean)).collect::<Vec<_>>(),
         "low": low,
         "high": high,
@@ -407,6 +407,10 @@ fn of_curve(series: usize, curve: &Curve, stride: usize) -> Value {
 
 /// Five digits of a number; those of a whole one without a point.
 fn digits(value: f64) -> Value {
-    let short: f64 = format!("{value:.4e}").parse().unwrap_or(f64::NAN);
-    if short.fract() == 0.0 && short.abs() < 1e9 { json!(short as i64) } else { json!(short) }
+    whole(format!("{value:.4e}").parse().unwrap_or(f64::NAN))
+}
+
+/// A number, without a point where it needs none.
+fn whole(value: f64) -> Value {
+    if value.fract() == 0.0 && value.abs() < 1e15 { json!(value as i64) } else { json!(value) }
 }

@@ -22,6 +22,7 @@ use super::{
     notes,
     recorded::{Run, State},
     settings::SettingsData,
+    statistics::StatisticsData,
     table::TableData,
     verdict::Verdict,
 };
@@ -46,6 +47,8 @@ pub struct Contents<'a> {
     pub tables: Vec<(&'a str, &'a TableData)>,
     /// The tables of what was set, with their names.
     pub settings: Vec<(&'a str, SettingsData)>,
+    /// The summaries over environments; `None` where there are none.
+    pub statistics: Option<&'a StatisticsData>,
     /// The figures.
     pub figures: Vec<Figure<'a>>,
 }
@@ -81,6 +84,7 @@ pub fn html(page: &Contents<'_>) -> String {
         ("claims", "Claims", page.claims.map_or(String::new(), claims::body)),
         ("tables", "Tables", table::body(page)),
         ("figures", "Figures", figure::body(&page.figures)),
+        ("statistics", "Statistics", page.statistics.map_or(String::new(), table::statistics)),
         ("runs", "Runs", runs::body(page)),
         ("failures", "Failures", runs::failures(page)),
         ("provenance", "Provenance", provenance::body(page)),

@@ -2,7 +2,7 @@
 
 /// The digests of `style.css` and `script.js`, as a Content Security Policy names them. The test below tells the right ones.
 const STYLE: &str = "sha256-Q9SwH9BhvsmY74i9fYUSqvgaMe4t5tAJpA9VORMz3F0=";
-const SCRIPT: &str = "sha256-6hkCxFO4dKp494G+y6eMXTjI+6UvGMViXn3t0GkNriw=";
+const SCRIPT: &str = "sha256-1xtNiHjsIB14B+TngyVF/kVVp9u0DmLMeoBGRSXYRNA=";
 
 /// The policy of the page.
 pub fn content_security() -> String {

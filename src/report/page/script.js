@@ -73,11 +73,13 @@
     const curves = data.panels.flatMap((panel) => panel.curves);
     const seeds = [...new Set(curves.flatMap((curve) => curve.seeds.map((seed) => seed[0])))].sort((a, b) => a - b);
     const each = make("span", { class: "seeds", role: "group", "aria-label": "Seeds", hidden: "" });
-    check("single seeds", false, (shown) => {
-      withSeeds = shown;
-      each.hidden = !shown;
-      panels.forEach((panel) => panel.drawSeeds());
-    });
+    if (seeds.length > 0) {
+      check("single seeds", false, (shown) => {
+        withSeeds = shown;
+        each.hidden = !shown;
+        panels.forEach((panel) => panel.drawSeeds());
+      });
+    }
     for (const seed of seeds) {
       const button = make("button", { type: "button", "aria-pressed": "true", "aria-label": `seed ${seed}` }, String(seed));
       button.addEventListener("click", () => {
@@ -152,7 +154,7 @@
           table.append(row);
         }
         const rest = lines.length - told.length;
-        values.replaceChildren(make("p", {}, `${panel.title}, ${steps(at)} steps`), table);
+        values.replaceChildren(make("p", {}, `${panel.title}, ${steps(at)} ${data.unit}`), table);
         if (rest > 0) values.append(make("p", {}, `and ${rest} more`));
         values.hidden = false;
         const [outer, inner] = [figure.getBoundingClientRect(), svg.getBoundingClientRect()];

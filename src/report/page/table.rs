@@ -6,7 +6,10 @@ use super::{
 };
 use crate::{
     escape,
-    report::text::{self, Grid},
+    report::{
+        statistics::StatisticsData,
+        text::{self, Grid},
+    },
 };
 
 /// All tables: of returns, and of what was set.
@@ -31,6 +34,13 @@ pub fn body(page: &Contents<'_>) -> String {
         article(name, &data.title, &format!("{shown}{}{links}", notes("Notes", &data.notes)))
     });
     returns.chain(settings).collect()
+}
+
+/// The summaries over environments.
+pub fn statistics(data: &StatisticsData) -> String {
+    let shown = html(&text::statistics::grid(data), text::statistics::TITLE, true);
+    let links = files("statistics", &[".csv", ".tex", ".md"]);
+    format!("{shown}{}{links}", notes("Notes", &data.notes))
 }
 
 fn article(name: &str, title: &str, body: &str) -> String {

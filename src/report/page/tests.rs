@@ -35,6 +35,7 @@ fn page(runs: &[Run], points: Option<u64>) -> String {
         claims: None,
         tables: Vec::new(),
         settings: Vec::new(),
+        statistics: None,
         figures: vec![figure],
     })
 }

@@ -1,6 +1,11 @@
 //! Tables, seeds and curves as CSV, for programs: every number in full, plain and in a column of its own.
 
-use super::super::{axis::Label, curve::CurveData, table::TableData, verdict::Comparison};
+use super::super::{
+    axis::Label,
+    curve::{Across, CurveData},
+    table::TableData,
+    verdict::Comparison,
+};
 use crate::escape;
 
 /// The cells of a table, one row each: the keys as the file names them, then the numbers.
@@ -89,7 +94,8 @@ pub fn seeds_csv(data: &TableData) -> Result<Vec<u8>, csv::Error> {
 /// Errors: none that the csv crate gives for a buffer in memory.
 pub fn curves_csv(data: &CurveData) -> Result<Vec<u8>, csv::Error> {
     let mut writer = csv::Writer::from_writer(Vec::new());
-    let numbers = ["env_steps", "mean", "low", "high", "seeds", "planned_seeds"];
+    let x = if data.across == Across::Steps { "env_steps" } else { "normalised_return" };
+    let numbers = [x, "mean", "low", "high", "seeds", "planned_seeds"];
     writer.write_record(
         [data.panel_key.as_str()].into_iter().chain(data.keys.iter().map(String::as_str)).chain(numbers),
     )?;
@@ -115,7 +121,7 @@ pub fn curves_csv(data: &CurveData) -> Result<Vec<u8>, csv::Error> {
 }
 
 /// These rows below their headers.
-pub(super) fn written(headers: &[&str], rows: impl Iterator<Item = Vec<String>>) -> Result<Vec<u8>, csv::Error> {
+pub fn written(headers: &[&str], rows: impl Iterator<Item = Vec<String>>) -> Result<Vec<u8>, csv::Error> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     writer.write_record(headers)?;
     for row in rows {
@@ -125,7 +131,7 @@ pub(super) fn written(headers: &[&str], rows: impl Iterator<Item = Vec<String>>)
 }
 
 /// A number that every program reads; nothing where there is none.
-pub(super) fn number(value: Option<f64>) -> String {
+pub fn number(value: Option<f64>) -> String {
     value.filter(|x| x.is_finite()).map_or(String::new(), |x| match x.abs() {
         0.0 | 1e-5..1e16 => x.to_string(),
         _ => format!("{x:e}"),
@@ -133,7 +139,7 @@ pub(super) fn number(value: Option<f64>) -> String {
 }
 
 /// The value of a key; nothing where the runs do not have it.
-fn value(value: &Option<toml::Value>) -> String {
+pub fn value(value: &Option<toml::Value>) -> String {
     match value {
         None => String::new(),
         Some(toml::Value::Float(x)) => number(Some(*x)),

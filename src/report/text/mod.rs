@@ -7,10 +7,11 @@ pub mod claims;
 mod csv;
 mod digits;
 pub mod settings;
+pub mod statistics;
 mod terminal;
 mod tex;
 
-pub use csv::{csv, curves_csv, seeds_csv};
+pub use csv::{csv, curves_csv, number, seeds_csv, value, written};
 pub use terminal::terminal;
 
 use super::{

@@ -47,9 +47,13 @@ impl Checker<'_> {
             let text = name.get_ref().as_str().unwrap_or_default();
             // Some file systems do not tell small letters from capitals.
             let file = text.to_ascii_lowercase();
+            let of_statistics = key != "claims" && file.starts_with("statistics");
             let of_tables =
                 || file == "claims" || ["-curves", "-float", "-seeds"].iter().any(|end| file.ends_with(end));
-            if key != "claims" && file == "readme" || ["tables", "settings"].contains(&key) && of_tables() {
+            if key != "claims" && file == "readme"
+                || of_statistics
+                || ["tables", "settings"].contains(&key) && of_tables()
+            {
                 let message = format!("`{text}` is the name of a file that every report has of its own");
                 self.note(name.span(), message, Some("another name is needed".into()));
             } else if !seen.insert(file) {

@@ -1,0 +1,101 @@
+//! What is recorded, for other programs.
+//!
+//! Owns the files that TensorBoard, rliable, marl-eval and spreadsheets read. Knows nothing of tables or verdicts. Start at
+//! [`export`]. Everything is written into `export` within the report's folder, which is made anew each time.
+
+mod rows;
+mod scores;
+mod tensorboard;
+#[cfg(test)]
+mod tests;
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+use super::{
+    CurveData, ReportError, Scope,
+    recorded::{self, Run},
+    write::{figures, identities, planned, selected},
+};
+use crate::{
+    record::{self, RecordError},
+    spec::{ExperimentSpec, STEP},
+};
+
+/// A format of another program.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Format {
+    /// Event files with hyperparameters, one a run.
+    Tensorboard,
+    /// Scores by method, seed and environment.
+    Rliable,
+    /// Every evaluation by environment, method and seed.
+    MarlEval,
+    /// Every evaluation as a row.
+    Csv,
+    /// The numbers of each figure.
+    Json,
+}
+
+/// Writes what is recorded of `spec`, as far as `scope` goes, in these `formats`; gives the files.
+///
+/// Errors: as for [`write()`](super::write()).
+pub fn export(
+    spec: &ExperimentSpec,
+    results: &Path,
+    scope: &Scope,
+    formats: &[Format],
+) -> Result<Vec<PathBuf>, ReportError> {
+    let (home, whole, plan) = planned(spec, results, scope)?;
+    let runs = recorded::load(&plan, results, true)?.runs;
+    let folder = home.join(scope.folder()).join("export");
+    if folder.exists() {
+        fs::remove_dir_all(&folder).map_err(|source| io("remove", &folder, source))?;
+    }
+    let mut files = Vec::new();
+    let mut write = |name: &str, bytes: &[u8]| -> Result<(), ReportError> {
+        let path = folder.join(name);
+        let parent = path.parent().unwrap_or(&folder);
+        fs::create_dir_all(parent).map_err(|source| io("create", parent, source))?;
+        record::write_atomically(&path, bytes)?;
+        files.push(path);
+        Ok(())
+    };
+    for format in formats {
+        match format {
+            Format::Tensorboard => {
+                for run in runs.iter().filter(|run| run.recording().is_some()) {
+                    let name = format!("tensorboard/{}/events.out.tfevents.0000000000.mcpo-run", run.spec.id);
+                    write(&name, &tensorboard::events(run))?;
+                }
+            }
+            Format::Rliable => write("rliable.json", text(&scores::rliable(&runs)).as_bytes())?,
+            Format::MarlEval => write("marl-eval.json", text(&scores::marl_eval(&spec.name, &runs)).as_bytes())?,
+            Format::Csv => write("evaluations.csv", &rows::evaluations(&runs)?)?,
+            Format::Json => {
+                for figure in figures(spec).iter().filter(|figure| figure.y != STEP) {
+                    let runs = selected(&runs, figure.only.as_deref())?;
+                    let data = CurveData::new(figure, &runs, &identities(&whole))?;
+                    write(&format!("{}.json", figure.name), text(&rows::figure(&data)).as_bytes())?;
+                }
+            }
+        }
+    }
+    Ok(files)
+}
+
+fn io(action: &'static str, path: &Path, source: std::io::Error) -> RecordError {
+    RecordError::Io { action, path: path.to_owned(), source }
+}
+
+fn text(value: &serde_json::Value) -> String {
+    format!("{value:#}\n")
+}
+
+/// What a run's method is called: its id without environment and seed.
+fn method(run: &Run) -> &str {
+    let of_env = run.spec.id.split_once('/').map_or(run.spec.id.as_str(), |(_, rest)| rest);
+    of_env.rsplit_once('/').map_or(of_env, |(method, _)| method)
+}
