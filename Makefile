@@ -6,6 +6,7 @@ demo: build
 	target/release/mcpo-run experiments/smoke.toml
 
 test: setup
+	@tests/slurm/cluster.sh install || echo "make: what needs Slurm will be skipped" >&2
 	cargo fmt --check
 	cargo clippy --release --all-targets -- --deny warnings
 	cargo test --release

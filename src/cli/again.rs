@@ -7,9 +7,9 @@ use anyhow::Context;
 use crate::{
     record::{Manifest, Stamp},
     schedule::{
-        campaign::{self, Options, Summary},
+        campaign::{Options, Summary},
         cost::CostModel,
-        local::{LocalProcesses, physical_cores},
+        local::{self, physical_cores},
         preflight,
         progress::{Progress, Style},
         state::{Planned, RunState},
@@ -40,8 +40,7 @@ pub fn compute(planned: &[Planned], results: &Path, jobs: Option<u16>, quiet: bo
     let costs = CostModel::default();
     let seconds = due.iter().map(|run| costs.seconds(&run.spec)).sum();
     let mut progress = Progress::new(Style::choose(quiet), false, due.len(), seconds);
-    let mut executor = LocalProcesses::new().context("cannot find this program's own file")?;
-    Ok(campaign::run(&due, results, options, &costs, &mut executor, &stop, &mut progress))
+    local::run(&due, results, options, &costs, &stop, &mut progress).context("cannot find this program's own file")
 }
 
 /// Why this program on this machine is not held to the bits of a record, as part of a sentence.

@@ -8,6 +8,7 @@
 
 mod again;
 mod bench;
+mod cancel;
 mod completions;
 mod demo;
 mod duration;
@@ -21,7 +22,9 @@ mod schema;
 mod selected;
 mod show;
 mod status;
+mod submit;
 mod verify;
+mod worker;
 
 use std::{
     io::{self, IsTerminal, Write},
@@ -31,7 +34,7 @@ use std::{
 
 use clap::{CommandFactory, Parser, Subcommand};
 
-use crate::{escape, schedule::worker};
+use crate::escape;
 use selected::{InvalidFiles, Selected};
 
 /// Declarative experiments in reinforcement learning from imperfect demonstrations.
@@ -56,6 +59,10 @@ enum Command {
     Plan(plan::PlanArguments),
     /// Show what has finished, is running, has failed (and why) and is still to do, and the time left; also during a campaign
     Status(Selected),
+    /// Hand what is missing to a cluster, and leave
+    Submit(submit::SubmitArguments),
+    /// Cancel what a cluster has of the runs; those under way write a checkpoint
+    Cancel(Selected),
     /// Write tables, claims and figures from recorded files alone
     Report(report::ReportArguments),
     /// Run a matrix and compare with what is recorded of it; exit with 4 where it is not reproduced
@@ -80,9 +87,9 @@ enum Command {
     Man(man::ManArguments),
     /// Print the JSON Schema of matrix files, for editors
     Schema,
-    /// Do the job on stdin (what `run` starts)
+    /// Do a job (what `run` and a cluster start)
     #[command(hide = true)]
-    Worker,
+    Worker(worker::WorkerArguments),
 }
 
 /// Does what the command line says.
@@ -105,6 +112,8 @@ fn dispatch(arguments: Arguments) -> anyhow::Result<ExitCode> {
         Command::Run(arguments) => run::run(&arguments),
         Command::Plan(arguments) => plan::run(&arguments),
         Command::Status(selected) => status::run(&selected),
+        Command::Submit(arguments) => submit::run(&arguments),
+        Command::Cancel(selected) => cancel::run(&selected),
         Command::Report(arguments) => report::run(&arguments),
         Command::Verify(arguments) => verify::run(&arguments),
         Command::Reproduce(arguments) => reproduce::run(&arguments),
@@ -115,7 +124,7 @@ fn dispatch(arguments: Arguments) -> anyhow::Result<ExitCode> {
         Command::Completions(arguments) => completions::run(&arguments),
         Command::Man(arguments) => man::run(&arguments),
         Command::Schema => schema::run(),
-        Command::Worker => Ok(worker::run()),
+        Command::Worker(arguments) => worker::run(&arguments),
     }
 }
 

@@ -9,9 +9,9 @@ use crate::{
     plan::RunSpec,
     report::Scope,
     schedule::{
-        campaign::{self, Options, Summary},
+        campaign::{Options, Summary},
         cost::CostModel,
-        local::{LocalProcesses, physical_cores},
+        local::{self, physical_cores},
         preflight,
         progress::{Progress, Style, clock, thousands},
         shard::Shard,
@@ -102,8 +102,8 @@ pub fn run(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
         let seconds = pairs().map(|(run, state)| plan::seconds_of(run, state, &costs)).sum();
         let mut progress = Progress::new(Style::choose(arguments.quiet), arguments.verbose, due.len(), seconds);
         progress.say(&greeting(&planned, &due, jobs, seconds, &selected.results));
-        let mut executor = LocalProcesses::new().context("cannot find this program's own file")?;
-        let summary = campaign::run(&due, &selected.results, options, &costs, &mut executor, &stop, &mut progress);
+        let summary = local::run(&due, &selected.results, options, &costs, &stop, &mut progress)
+            .context("cannot find this program's own file")?;
         progress.say(&farewell(planned.len(), due.len(), &summary));
         summary
     };

@@ -58,6 +58,11 @@ impl Selected {
     ///
     /// Errors: everything that is wrong in any of them, or two of them share a name.
     pub fn load(&self) -> anyhow::Result<Vec<ExperimentSpec>> {
+        Ok(self.load_files()?.into_iter().map(|(_, spec)| spec).collect())
+    }
+
+    /// The same with the files that they stand in.
+    pub fn load_files(&self) -> anyhow::Result<Vec<(PathBuf, ExperimentSpec)>> {
         let overrides = Overrides { set: self.set.clone(), axis: self.axis.clone() };
         let (mut specs, mut invalid) = (Vec::new(), Vec::new());
         let mut names: BTreeMap<String, PathBuf> = BTreeMap::new();
@@ -69,7 +74,7 @@ impl Selected {
                         let (name, other) = (&spec.name, other.display());
                         bail!("{other} and {} both call their experiment `{name}`", path.display());
                     }
-                    specs.push(spec);
+                    specs.push((path, spec));
                 }
             }
         }

@@ -13,7 +13,7 @@ use super::provenance::host;
 /// A process that holds a claim.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Owner {
-    /// The machine's name.
+    /// The cluster's node, or else the machine's name.
     pub host: String,
     /// What no other machine has, nor this one after it is started again, nor a container beside this one; empty where the
     /// system does not tell.
@@ -35,7 +35,8 @@ impl Owner {
     /// A process of this machine.
     pub(super) fn process(process: u32) -> Self {
         static CLAIMS: AtomicU64 = AtomicU64::new(0);
-        let (host, machine, began) = (host(), machine(), state(process).map(|(_, began)| began).unwrap_or_default());
+        let (host, machine, began) =
+            (Self::node(), machine(), state(process).map(|(_, began)| began).unwrap_or_default());
         let nth = CLAIMS.fetch_add(1, Ordering::Relaxed);
         let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_nanos();
         let whole = format!("{host} {machine} {process} {began} {} {nth} {now}", process::id());

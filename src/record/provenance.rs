@@ -125,6 +125,13 @@ pub(super) fn host() -> String {
     read_line("/proc/sys/kernel/hostname").or_else(|| env::var("HOSTNAME").ok()).unwrap_or_else(unknown)
 }
 
+impl Origin {
+    /// The same call, on this machine.
+    pub fn here(self) -> Self {
+        Self { host: super::Owner::node(), cpu: cpu_model().unwrap_or_else(unknown), ..self }
+    }
+}
+
 fn unknown() -> String {
     "unknown".to_owned()
 }

@@ -164,13 +164,16 @@ impl CurveData {
             Panels::Selections(_) => Vec::new(),
         };
         let mut keys: Vec<String> = figure.series.iter().filter(|key| !panel_axes.contains(key)).cloned().collect();
-        keys.extend(axis::hidden_axes(runs, &[keys.as_slice(), &panel_axes].concat()));
+        let panels = panels(&figure.panels, runs)?;
+        for (_, inside) in &panels {
+            keys.extend(axis::hidden_axes(inside, &[keys.as_slice(), &panel_axes].concat()));
+        }
         keys.sort_by_key(|key| key != "algorithm"); // it names a curve best
         if keys.is_empty() {
             keys.push("algorithm".to_owned()); // a curve alone has a name too
         }
         let series = axis::group(runs, &keys);
-        let panels = panels(&figure.panels, runs)?.into_iter().map(|(title, runs)| {
+        let panels = panels.into_iter().map(|(title, runs)| {
             let inside: BTreeSet<&str> = runs.iter().map(|run| run.spec.id.as_str()).collect();
             let curve = |series: &axis::Group<'_>| {
                 let within = |run: &&Run| inside.contains(run.spec.id.as_str());

@@ -12,7 +12,12 @@ use std::{
 
 use super::{
     Executor,
+    campaign::{self, Options, Summary},
+    cost::CostModel,
     event::{Event, Job, Message},
+    progress::Progress,
+    state::Planned,
+    stop::StopRequest,
 };
 
 /// On Linux, the program that runs: that very one, when its file has been replaced or removed meanwhile.
@@ -22,9 +27,23 @@ const STDERR_LINES: usize = 40;
 /// The length at which a line of stderr is cut, bytes.
 const STDERR_WIDTH: usize = 1000;
 
+/// Runs `due` in processes of this machine until every run has ended, or a stop is asked for.
+///
+/// Errors: this program's own file is gone.
+pub fn run(
+    due: &[Planned],
+    results: &Path,
+    options: Options,
+    costs: &CostModel,
+    stop: &StopRequest,
+    progress: &mut Progress,
+) -> io::Result<Summary> {
+    Ok(campaign::run(due, results, options, costs, &mut LocalProcesses::new()?, stop, progress))
+}
+
 /// One process a job.
 #[derive(Debug)]
-pub struct LocalProcesses {
+struct LocalProcesses {
     program: PathBuf,
     processes: BTreeMap<usize, Process>,
     sender: Sender<(usize, Told)>,
@@ -50,7 +69,7 @@ impl LocalProcesses {
     /// Systems other than Linux start what they find in the program's file.
     ///
     /// Errors: its file is gone.
-    pub fn new() -> io::Result<Self> {
+    fn new() -> io::Result<Self> {
         let (sender, receiver) = mpsc::channel();
         let this = Path::new(THIS_PROGRAM);
         let program = if this.exists() { this.to_owned() } else { std::env::current_exe()? };

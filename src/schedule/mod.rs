@@ -6,6 +6,7 @@
 
 pub mod campaign;
 pub mod cost;
+pub mod element;
 pub mod event;
 mod failure;
 pub mod local;
@@ -13,8 +14,10 @@ pub mod preflight;
 pub mod progress;
 mod recorder;
 pub mod shard;
+pub mod slurm;
 pub mod state;
 pub mod stop;
+pub mod submission;
 pub mod worker;
 
 use std::{io, time::Duration};

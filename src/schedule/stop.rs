@@ -18,6 +18,8 @@ pub const INTERRUPTED: u8 = 130;
 #[derive(Debug, Clone, Default)]
 pub struct StopRequest {
     by_signal: Arc<AtomicBool>,
+    /// Whether the signal was a cluster's warning.
+    by_warning: Arc<AtomicBool>,
     /// Apart, so that a signal which comes after another request is still the first signal.
     by_program: Arc<AtomicBool>,
     /// When it makes itself.
@@ -37,6 +39,9 @@ impl StopRequest {
             // In this order: the signal that makes the request does not see it made.
             signal_hook::flag::register_conditional_shutdown(signal, INTERRUPTED.into(), request.by_signal.clone())?;
             signal_hook::flag::register(signal, request.by_signal.clone())?;
+            if signal == SIGUSR1 {
+                signal_hook::flag::register(signal, request.by_warning.clone())?;
+            }
         }
         Ok(request)
     }
@@ -49,6 +54,11 @@ impl StopRequest {
     /// Asks for a stop.
     pub fn make(&self) {
         self.by_program.store(true, Ordering::SeqCst);
+    }
+
+    /// Whether a cluster's warning made it, that the time is nearly up.
+    pub fn is_warning(&self) -> bool {
+        self.by_warning.load(Ordering::SeqCst)
     }
 
     /// Whether it was asked for.

@@ -100,6 +100,7 @@ fn build(
     let tables = list(merged.remove("tables"));
     let claims = list(merged.remove("claims"));
     let settings_tables = list(merged.remove("settings"));
+    let slurm = table(merged.remove("slurm")).try_into().unwrap_or_default(); // what was wrong in it is told
     let folder = path.parent().unwrap_or(Path::new("")).to_owned();
     // Where nothing else is said, demonstrations lie beside the file that the others extend.
     let mut settings = toml::Table::new();
@@ -119,6 +120,7 @@ fn build(
         claims,
         settings_tables,
         file: path.to_owned(),
+        slurm,
         folder,
         missing: Vec::new(),
     };

@@ -14,7 +14,7 @@ use toml::{
 };
 
 use super::{
-    Algorithm, Claim, Figure, Settings, SettingsTable, Table,
+    Algorithm, Claim, Figure, Settings, SettingsTable, Slurm, Table,
     names::{date_in_words, plain},
 };
 use crate::{env::EnvId, quantity::constant};
@@ -116,6 +116,13 @@ impl Section {
     }
 }
 
+/// What of a file only `submit` reads.
+#[derive(serde::Serialize, serde::Deserialize, JsonSchema)]
+struct Submitted {
+    /// What `mcpo-run submit` asks a cluster for.
+    slurm: Slurm,
+}
+
 /// The sections of a file.
 pub(super) struct Catalog {
     pub(super) settings: Section,
@@ -123,6 +130,8 @@ pub(super) struct Catalog {
     pub(super) table: Section,
     pub(super) claim: Section,
     pub(super) settings_table: Section,
+    /// Of the whole file, for the sake of its one key, `slurm`.
+    pub(super) slurm: Section,
     algorithms: Vec<(&'static str, Section)>,
 }
 
@@ -135,6 +144,7 @@ impl Catalog {
             table: Section::of(&Table::specimen()),
             claim: Section::of(&Claim::specimen()),
             settings_table: Section::of(&SettingsTable::specimen()),
+            slurm: Section::of(&Submitted { slurm: Slurm::specimen() }),
             algorithms: Algorithm::names()
                 .filter_map(|name| Some((name, Section::algorithm(&Algorithm::defaults(name, EnvId::HalfCheetah)?))))
                 .collect(),

@@ -19,6 +19,7 @@ mod resolve;
 mod schema;
 mod selection;
 mod settings;
+mod slurm;
 mod source;
 
 use std::{
@@ -36,6 +37,7 @@ pub use resolve::ResolveError;
 pub use schema::schema;
 pub use selection::{Selection, SelectionError};
 pub use settings::{Budget, Checkpoint, Evaluation, Network, Rollout, Settings};
+pub use slurm::{Memory, Name, SbatchOption, Slurm, Time};
 
 use crate::env::EnvId;
 
@@ -68,6 +70,8 @@ pub struct ExperimentSpec {
     pub settings_tables: Vec<SettingsTable>,
     /// The file, as it was named on the command line.
     pub file: PathBuf,
+    /// `[slurm]`: what its elements ask a cluster for.
+    pub slurm: Slurm,
     /// The folder of the file.
     pub folder: PathBuf,
     /// Demonstrations that are not there.

@@ -65,6 +65,7 @@ pub fn schema() -> Value {
         file.insert(key.into(), list(what, element));
     }
     file.insert("claims".into(), list("What the paper says, judged by what is recorded", claim(&catalog.claim)));
+    file.extend(properties(&catalog.slurm.schema(&[]).map(optional).unwrap_or_default()));
     let mut schema = object("An experiment of mcpo-run", file);
     schema["$schema"] = json!("https://json-schema.org/draft/2020-12/schema");
     schema["title"] = json!("mcpo-run experiment");

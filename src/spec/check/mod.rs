@@ -21,7 +21,7 @@ use super::{
 use crate::env::{EnvError, EnvId};
 
 /// Keys of the file that are neither settings nor hyperparameters.
-pub(super) const ROOT_KEYS: [&str; 10] = [
+pub(super) const ROOT_KEYS: [&str; 11] = [
     "name",
     "description",
     "extends",
@@ -32,6 +32,7 @@ pub(super) const ROOT_KEYS: [&str; 10] = [
     "tables",
     "settings",
     "claims",
+    "slurm",
 ];
 /// The lists that every block has.
 pub(super) const BLOCK_KEYS: [&str; 3] = ["seed", "env", "algorithm"];
@@ -150,6 +151,7 @@ impl<'a> Checker<'a> {
                 "tables" => this.figures_or_tables(value, "tables", "table", &Catalog::get().table),
                 "settings" => this.figures_or_tables(value, "settings", "table", &Catalog::get().settings_table),
                 "claims" => this.claims(value),
+                "slurm" => this.section(&Catalog::get().slurm, &[key], value),
                 _ if settings.schema(&[key]).is_some() => this.section(settings, &[key], value),
                 _ => {
                     let known = ROOT_KEYS.into_iter().chain(settings.keys(&[]).into_iter().flatten());

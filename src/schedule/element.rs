@@ -1,0 +1,93 @@
+//! An element of a submission: a small campaign of its own, wherever a cluster starts it.
+//!
+//! Its job comes from the frozen plan and what it tells goes to the runs' own files and to the cluster's log: there is nobody
+//! to listen. Its runs are processes of their own under it, so that one that dies is recorded with its cause, whatever kills it.
+
+use std::{
+    env, io,
+    path::{Path, PathBuf},
+    time::Duration,
+};
+
+use super::{
+    campaign::{Options, Summary},
+    cost::CostModel,
+    local, preflight,
+    progress::{Progress, Style},
+    state::{Planned, RunState},
+    stop::StopRequest,
+    submission::Submission,
+};
+use crate::record::RecordError;
+
+/// A run that makes no progress for so long is killed.
+pub const HANG_TIMEOUT: Duration = Duration::from_secs(600);
+
+/// Why an element could not begin.
+#[derive(Debug, thiserror::Error)]
+pub enum ElementError {
+    /// Its plan cannot be used.
+    #[error(transparent)]
+    Plan(#[from] RecordError),
+    /// The folder where paths start is not there on this machine.
+    #[error("cannot go to {}, where the plan's paths start: {source}", folder.display())]
+    Folder {
+        /// The folder.
+        folder: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// A run stands in the way of itself.
+    #[error(transparent)]
+    Preflight(#[from] preflight::Problems),
+    /// No process can be started.
+    #[error("cannot set up: {0}")]
+    SetUp(#[from] io::Error),
+}
+
+/// What became of an element.
+#[derive(Debug)]
+pub struct Ended {
+    /// What became of the runs that were due.
+    pub summary: Summary,
+    /// Whether any of them came farther than it was.
+    pub is_farther: bool,
+}
+
+/// Goes on with the runs of the element `index` of `plan` that have not finished.
+///
+/// Errors: whatever stands in the way of beginning.
+pub fn run(plan: &Path, index: usize, stop: &StopRequest) -> Result<Ended, ElementError> {
+    let (submission, planned) = Submission::element(plan, index)?;
+    // Else what is relative would be looked for where a cluster starts programs when the folder is missing.
+    env::set_current_dir(&submission.folder)
+        .map_err(|source| ElementError::Folder { folder: PathBuf::from(&submission.folder), source })?;
+    let states = preflight::prepare(&planned, submission.results.as_ref(), false)?;
+    let pairs = planned.iter().zip(&states);
+    let due: Vec<Planned> =
+        pairs.filter(|(_, state)| !matches!(state, RunState::Finished(_))).map(|(run, _)| run.clone()).collect();
+    let before = steps_done(&due);
+    let options = Options {
+        jobs: cores().unwrap_or(submission.cpus),
+        threads: None,
+        retries: submission.retries,
+        fail_fast: false,
+        hang_timeout: HANG_TIMEOUT,
+        verbose: submission.verbose,
+    };
+    let costs = CostModel::default();
+    let seconds = due.iter().map(|run| costs.seconds(&run.spec)).sum();
+    let mut progress = Progress::new(Style::choose(false), submission.verbose, due.len(), seconds);
+    let results = submission.results.as_ref();
+    let summary = local::run(&due, results, options, &costs, stop, &mut progress)?;
+    Ok(Ended { is_farther: steps_done(&due) > before, summary })
+}
+
+/// The cores that the cluster gave this element; absent where it does not say.
+fn cores() -> Option<usize> {
+    env::var("SLURM_CPUS_PER_TASK").ok()?.parse().ok().filter(|&cores| cores > 0)
+}
+
+fn steps_done(runs: &[Planned]) -> u64 {
+    runs.iter().filter_map(|run| Some(run.state().ok()?.steps_done())).sum()
+}
