@@ -193,6 +193,9 @@ fn an_import_prints_what_it_has_and_what_was_lost() {
     }
     let demonstration = Demonstration::read_for(&path, EnvId::InvertedPendulum).expect("it was written");
     assert!(demonstration.provenance.iter().any(|(key, value)| key == "return" && value == "2.5"));
+    let again = ["import", &pickle, "--env", "InvertedPendulum-v2", "--out", &out];
+    refused(&again, &[&out, "already exists", "--force"]);
+    mcpo_run(&[&again[..], &["--force"]].concat()).code(0);
     let shown = text(&mcpo_run(&["show", &out]).code(0).get_output().stdout);
     for words in ["2 episodes, 5 steps", "not recorded; it cannot be replayed", "imported_from", "import_protocol3.pkl"]
     {

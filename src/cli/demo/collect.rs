@@ -12,7 +12,7 @@ use anyhow::{Context, bail};
 
 use super::{
     super::{print, selected::Selected},
-    mmd_of_doing_nothing,
+    mmd_of_doing_nothing, not_over,
 };
 use crate::{
     algo::Agent,
@@ -96,9 +96,7 @@ pub fn run(arguments: &CollectArguments) -> anyhow::Result<ExitCode> {
         runs.entry(run.env).or_default().push(run);
     }
     let file = |env: EnvId| arguments.out.join(format!("{env}.parquet"));
-    if let Some(path) = runs.keys().map(|&env| file(env)).find(|path| path.exists() && !arguments.force) {
-        bail!("{} already exists; `--force` replaces it, another `--out` leaves it alone", path.display());
-    }
+    runs.keys().try_for_each(|&env| not_over(&file(env), arguments.force))?;
     fs::create_dir_all(&arguments.out).with_context(|| format!("cannot make {}", arguments.out.display()))?;
     let mut missing = Vec::new();
     for (env, runs) in runs {

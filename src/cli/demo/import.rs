@@ -2,7 +2,7 @@
 
 use std::{path::PathBuf, process::ExitCode};
 
-use super::{super::print, size, summary};
+use super::{super::print, not_over, size, summary};
 use crate::{
     demo::import::{Imported, import, recomputed_rewards},
     env::EnvId,
@@ -19,11 +19,15 @@ pub struct ImportArguments {
     /// The demonstration to write
     #[arg(long, value_name = "DEMO.parquet")]
     out: PathBuf,
+    /// Replace the demonstration if it exists already
+    #[arg(long)]
+    force: bool,
 }
 
 /// Imports the file, and prints what it holds and what was lost.
 pub fn run(arguments: &ImportArguments) -> anyhow::Result<ExitCode> {
     let (path, env) = (&arguments.file, arguments.env);
+    not_over(&arguments.out, arguments.force)?;
     let Imported { mut demonstration, losses, warnings } = import(path, env)?;
     let recomputed = demonstration.sums(&recomputed_rewards(&demonstration, path, env)?);
     let recorded = demonstration.returns();

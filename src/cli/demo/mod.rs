@@ -6,7 +6,9 @@ mod show;
 mod traces;
 mod verify;
 
-use std::process::ExitCode;
+use std::{path::Path, process::ExitCode};
+
+use anyhow::ensure;
 
 use crate::{
     demo::{Bandwidth, Demonstration, Estimator},
@@ -50,6 +52,13 @@ pub fn run(command: DemoCommand) -> anyhow::Result<ExitCode> {
         DemoCommand::Verify(arguments) => verify::run(&arguments),
         DemoCommand::Show(arguments) => show::run(&arguments),
     }
+}
+
+/// Refuses to replace a file that exists, unless by `force`.
+fn not_over(file: &Path, force: bool) -> anyhow::Result<()> {
+    let told = "already exists; `--force` replaces it, another `--out` leaves it alone";
+    ensure!(force || !file.exists(), "{} {told}", file.display());
+    Ok(())
 }
 
 /// `3 episodes, 1200 steps; observations of 11 numbers, actions of 3`.
