@@ -3,12 +3,13 @@
 //! Owns what a user types and sees, and the exit codes. Knows nothing that another program could want to know: everything else
 //! is in the modules that it calls. Start at [`main`].
 //!
-//! Exit codes: 0 all good; 1 some runs failed; 2 usage or configuration; 3 a verdict or a claim failed, where `report --strict` asks; 4 not reproduced;
+//! Exit codes: 0 all good; 1 some runs failed; 2 usage or configuration; 3 a verdict or a claim failed, where `report --strict` or `compare --strict` asks; 4 not reproduced;
 //! 130 interrupted, and resumable.
 
 mod again;
 mod bench;
 mod cancel;
+mod compare;
 mod completions;
 mod demo;
 mod duration;
@@ -65,6 +66,11 @@ enum Command {
     Cancel(Selected),
     /// Write tables, claims and figures from recorded files alone
     Report(report::ReportArguments),
+    /// Compare two experiments, or two folders of results, cell by cell
+    ///
+    /// A cell of B is reproduced where its difference from A's is within a tenth of the paper's Expert - Random, better or worse where
+    /// it lies beyond that.
+    Compare(compare::CompareArguments),
     /// Run a matrix and compare with what is recorded of it; exit with 4 where it is not reproduced
     ///
     /// Within one numeric class (CPU features, C library, engine and algorithms) every row and the policy must have the same
@@ -115,6 +121,7 @@ fn dispatch(arguments: Arguments) -> anyhow::Result<ExitCode> {
         Command::Submit(arguments) => submit::run(&arguments),
         Command::Cancel(selected) => cancel::run(&selected),
         Command::Report(arguments) => report::run(&arguments),
+        Command::Compare(arguments) => compare::run(&arguments),
         Command::Verify(arguments) => verify::run(&arguments),
         Command::Reproduce(arguments) => reproduce::run(&arguments),
         Command::Eval(arguments) => eval::run(&arguments),

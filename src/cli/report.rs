@@ -1,20 +1,27 @@
 //! `mcpo-run report PATH...`.
 
-use std::{collections::BTreeSet, path::Path, process::ExitCode};
+use std::{
+    collections::BTreeSet,
+    fs,
+    path::{Path, PathBuf},
+    process::ExitCode,
+    thread,
+    time::{Duration, SystemTime},
+};
 
-use anyhow::bail;
 use comfy_table::Table;
 
 use super::{print, selected::Selected};
 use crate::{
     report::{
-        self, ClaimRow, ClaimVerdict, Label, ReportError, Row, Scope, TableData, Verdict, claims_text, export::Format,
+        self, ClaimRow, ClaimVerdict, Label, ReportError, Row, Scope, TableData, Verdict, Written, claims_text,
+        export::Format,
     },
     spec::ExperimentSpec,
 };
 
 /// The exit code of `--strict`.
-const CONTRADICTED: u8 = 3;
+pub(super) const CONTRADICTED: u8 = 3;
 
 /// What to report.
 #[derive(Debug, clap::Args)]
@@ -24,6 +31,10 @@ pub struct ReportArguments {
     /// Exit with 3 where a value is better or worse than the paper's, or a claim of the file is contradicted
     #[arg(long)]
     strict: bool,
+    /// Write it again whenever more is recorded, looked for every so many seconds (10), until all runs have ended
+    #[arg(long, value_name = "SECONDS", num_args = 0..=1, default_missing_value = "10", require_equals = true)]
+    #[arg(value_parser = clap::value_parser!(u16).range(1..))]
+    watch: Option<u16>,
     /// Also write what other programs read, into the report's folder `export`
     #[arg(long, value_name = "FORMAT,...", value_delimiter = ',', value_enum)]
     export: Vec<Export>,
@@ -61,13 +72,51 @@ pub fn run(arguments: &ReportArguments) -> anyhow::Result<ExitCode> {
     let Selected { only, axis, set, results, .. } = &arguments.selected;
     let scope = Scope { only: only.clone(), axis: axis.clone(), set: set.clone() };
     let experiments = arguments.selected.load()?;
-    let is_contradicted = write(&experiments, results, &scope, false)?;
     let formats: BTreeSet<Format> = arguments.export.iter().copied().map(Format::from).collect();
-    if !formats.is_empty() {
-        export(&experiments, results, &scope, &formats.into_iter().collect::<Vec<_>>())?;
-    }
+    let formats: Vec<Format> = formats.into_iter().collect();
+    let mut shown = Shown::Whole;
+    let is_contradicted = loop {
+        let seen = arguments.watch.map(|_| recorded(&experiments, results));
+        let told = match told(&experiments, results, &scope, shown) {
+            // There may be something later.
+            Err(nothing) if arguments.watch.is_some() && nothing.is::<Nothing>() => {
+                Told { open: 1, is_contradicted: false }
+            }
+            told => told?,
+        };
+        export(&experiments, results, &scope, &formats)?;
+        let Some(seconds) = arguments.watch.filter(|_| told.open > 0) else { break told.is_contradicted };
+        while Some(recorded(&experiments, results)) == seen {
+            thread::sleep(Duration::from_secs(seconds.into()));
+        }
+        shown = Shown::State;
+    };
     Ok(if arguments.strict && is_contradicted { ExitCode::from(CONTRADICTED) } else { ExitCode::SUCCESS })
 }
+
+/// What is shown of a report on stdout.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Shown {
+    /// The first table, the claims, and the files.
+    Whole,
+    /// How far it is, and what contradicts.
+    State,
+    /// What contradicts alone.
+    Contradictions,
+}
+
+/// What became of the reports of several experiments.
+struct Told {
+    /// Whether a value is better or worse than the paper's, or a claim contradicted.
+    is_contradicted: bool,
+    /// Runs that have neither finished nor failed.
+    open: usize,
+}
+
+/// There is nothing to report of any experiment; why, a line each.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+struct Nothing(String);
 
 /// Writes the figures and tables of `experiments`, as far as `scope` goes, from what is recorded under `results`; shows each
 /// one's first table and its claims on stdout, and names what contradicts the paper in any of them, and the files; `quiet`, only
@@ -75,40 +124,72 @@ pub fn run(arguments: &ReportArguments) -> anyhow::Result<ExitCode> {
 ///
 /// Tells whether a value is better or worse than the paper's, or a claim contradicted.
 pub fn write(experiments: &[ExperimentSpec], results: &Path, scope: &Scope, quiet: bool) -> anyhow::Result<bool> {
-    let (mut is_contradicted, mut without) = (false, Vec::new());
+    let shown = if quiet { Shown::Contradictions } else { Shown::Whole };
+    Ok(told(experiments, results, scope, shown)?.is_contradicted)
+}
+
+fn told(experiments: &[ExperimentSpec], results: &Path, scope: &Scope, shown: Shown) -> anyhow::Result<Told> {
+    let (mut all, mut without) = (Told { is_contradicted: false, open: 0 }, Vec::new());
     for experiment in experiments {
         let name = &experiment.name;
         let written = match report::write(experiment, results, scope) {
             Err(error @ (ReportError::NothingRecorded { .. } | ReportError::NoneMatch { .. })) => {
+                all.open += usize::from(matches!(error, ReportError::NothingRecorded { .. }));
                 without.push(error.to_string());
                 continue;
             }
             written => written?,
         };
-        let table = written.tables.first();
-        let table = table.map_or_else(String::new, |table| format!("\n{}", report::terminal(table, terminal_width())));
         let claims = written.claims.as_ref();
-        let shown =
-            claims.map_or_else(String::new, |claims| format!("\n{}", claims_text::shown(claims, terminal_width())));
-        let files: String = written.files.iter().map(|file| format!("{}\n", file.display())).collect();
         let of_claims = claims.iter().flat_map(|claims| &claims.rows).filter_map(contradicted);
         let contradictions: String = written.tables.iter().map(contradictions).chain(of_claims).collect();
-        print(&match quiet {
-            true => contradictions.clone(),
-            false => format!("{name}: {}\n{table}{shown}\n{contradictions}{files}", written.state),
+        print(&match shown {
+            Shown::Contradictions => contradictions.clone(),
+            Shown::State => format!("{name}: {}\n{contradictions}", written.state),
+            Shown::Whole => whole(name, &written, &contradictions),
         })?;
-        is_contradicted |= !contradictions.is_empty();
+        all.is_contradicted |= !contradictions.is_empty();
+        all.open += written.open;
     }
     if without.len() == experiments.len() {
-        bail!("{}", without.join("\n"));
+        return Err(Nothing(without.join("\n")).into());
     }
     without.iter().try_for_each(|line| print(&format!("{line}\n")))?;
-    Ok(is_contradicted)
+    Ok(all)
+}
+
+/// Everything that is shown of one report.
+fn whole(name: &str, written: &Written, contradictions: &str) -> String {
+    let table = written.tables.first();
+    let table = table.map_or_else(String::new, |table| format!("\n{}", report::terminal(table, terminal_width())));
+    let claims = written.claims.as_ref();
+    let claims =
+        claims.map_or_else(String::new, |claims| format!("\n{}", claims_text::shown(claims, terminal_width())));
+    let files: String = written.files.iter().map(|file| format!("{}\n", file.display())).collect();
+    format!("{name}: {}\n{table}{claims}\n{contradictions}{files}", written.state)
+}
+
+/// The manifests and checkpoints of `experiments`, with their times and sizes: what a report is made of.
+fn recorded(experiments: &[ExperimentSpec], results: &Path) -> Vec<(PathBuf, Option<SystemTime>, u64)> {
+    let mut folders: Vec<PathBuf> = experiments.iter().map(|spec| results.join(&spec.name).join("runs")).collect();
+    let mut found = Vec::new();
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(&folder).into_iter().flatten().flatten() {
+            let (path, Ok(metadata)) = (entry.path(), entry.metadata()) else { continue }; // of a link, the link's
+            if metadata.is_dir() {
+                folders.push(path);
+            } else if ["run.json", "checkpoint"].iter().any(|name| path.ends_with(name)) {
+                found.push((path, metadata.modified().ok(), metadata.len()));
+            }
+        }
+    }
+    found.sort();
+    found
 }
 
 /// Writes what is recorded of `experiments` for other programs, and names the files.
 fn export(experiments: &[ExperimentSpec], results: &Path, scope: &Scope, formats: &[Format]) -> anyhow::Result<()> {
-    for experiment in experiments {
+    for experiment in experiments.iter().filter(|_| !formats.is_empty()) {
         match report::export::export(experiment, results, scope, formats) {
             // Which were named when the report was written.
             Err(ReportError::NothingRecorded { .. } | ReportError::NoneMatch { .. }) => {}
@@ -119,7 +200,7 @@ fn export(experiments: &[ExperimentSpec], results: &Path, scope: &Scope, formats
 }
 
 /// How wide the terminal is; `COLUMNS` says it where stdout is none.
-fn terminal_width() -> Option<usize> {
+pub(super) fn terminal_width() -> Option<usize> {
     let said = || std::env::var("COLUMNS").ok()?.parse().ok();
     Table::new().width().map(usize::from).or_else(said)
 }

@@ -7,6 +7,7 @@
 mod axis;
 mod claims;
 mod comparable;
+mod compare;
 mod counterpart;
 mod curve;
 pub mod export;
@@ -31,12 +32,13 @@ use std::{io, path::PathBuf};
 
 pub use axis::Label;
 pub use claims::{ClaimRow, ClaimVerdict, ClaimsData, Count};
+pub use compare::{CompareData, CompareRow, in_folder};
 pub use curve::{Curve, CurveData, LeftOut, Panel, Point};
 pub use figure::{BLACK, PALETTE, picture};
 pub use recorded::{Evaluation, Loaded, Recording, Run, State, load};
 pub use scope::Scope;
 pub use table::{Best, Cell, Row, TableData};
-pub use text::{claims as claims_text, terminal};
+pub use text::{claims as claims_text, compare as compare_text, terminal};
 pub use verdict::{Comparison, Verdict};
 pub use write::{Written, write};
 

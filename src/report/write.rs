@@ -40,6 +40,8 @@ pub struct Written {
     pub tables: Vec<TableData>,
     /// The claims; `None` where the file makes none.
     pub claims: Option<ClaimsData>,
+    /// Runs that have neither finished nor failed.
+    pub open: usize,
     /// `12 of 35 runs finished`, with what failed and what was left out.
     pub state: String,
 }
@@ -168,7 +170,8 @@ pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Wri
     let page = format!("# {name}\n\n{description}\n\n{first}\n\n{lines}{body}");
     files.write("README", "md", page.as_bytes())?;
     files.close()?;
-    Ok(Written { files: files.written, tables: made, claims: judged, state: state.join("\n- ") })
+    let open = count - runs.iter().filter(|run| !matches!(run.state, State::Missing)).count();
+    Ok(Written { files: files.written, tables: made, claims: judged, open, state: state.join("\n- ") })
 }
 
 /// The folder of `spec` under `results`, its runs, and those of them that `scope` means.

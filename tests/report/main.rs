@@ -353,3 +353,56 @@ fn what_a_demonstration_returned_is_recorded_with_its_runs_and_stands_beside_the
     let status = call(folder.path(), &["status", "small.toml"]);
     assert!(status.contains("2 finished"), "{status}");
 }
+
+#[test]
+fn two_folders_are_compared_and_a_worse_one_fails_where_asked() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = MATRIX.replace("[0, 1]", "[0, 1, 2]");
+    fs::write(folder.path().join("small.toml"), text).expect("written");
+    let runs =
+        plan(&spec::load(&folder.path().join("small.toml"), &Overrides::default()).expect("valid")).expect("a plan");
+    for run in &runs {
+        let worse = if run.algorithm_name() == "ppo" { 500.0 } else { 0.0 };
+        record(run, &folder.path().join("results"), Ok(900.0 + run.seed.0 as f64));
+        record(run, &folder.path().join("later"), Ok(901.0 + run.seed.0 as f64 - worse));
+    }
+    let compare = |options: &[&str]| {
+        let mut command = Command::cargo_bin("mcpo-run").expect("the binary is built");
+        command.current_dir(folder.path()).env("COLUMNS", "200").arg("compare").args(options).output().expect("it runs")
+    };
+    let output = compare(&["small.toml", "later/small", "--strict"]);
+    let told = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert_eq!(output.status.code(), Some(3), "{told}");
+    let line = |algorithm: &str| told.lines().find(|line| line.contains(algorithm)).expect(algorithm);
+    assert!(line("/mcpo").contains("reproduced") && line("/ppo").contains("worse"), "{told}");
+    assert_eq!(
+        compare(&["results/small", "later/small", "--strict", "--only", "algorithm=mcpo"]).status.code(),
+        Some(0)
+    );
+    let output = compare(&["results", "later/small"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("results holds no `runs`"));
+}
+
+#[test]
+fn a_watched_report_is_written_again_until_all_runs_have_ended() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let results = folder.path().join("results");
+    let runs = plan_in(folder.path());
+    for run in &runs[1..] {
+        record(run, &results, Ok(100.0));
+    }
+    let mut watch = std::process::Command::new(assert_cmd::cargo::cargo_bin("mcpo-run"));
+    watch.current_dir(folder.path()).args(["report", "small.toml", "--watch=1"]).stdout(std::process::Stdio::piped());
+    let watch = watch.spawn().expect("it starts");
+    let page = results.join("small/report/README.md");
+    while !fs::read_to_string(&page).is_ok_and(|text| text.contains("3 of 4 runs finished.")) {
+        std::thread::sleep(std::time::Duration::from_millis(50));
+    }
+    record(&runs[0], &results, Ok(100.0));
+    let told = watch.wait_with_output().expect("it ends by itself");
+    assert!(told.status.success());
+    let told = String::from_utf8_lossy(&told.stdout);
+    assert!(told.ends_with("small: 4 of 4 runs finished.\n"), "{told}");
+    assert!(fs::read_to_string(&page).expect("readable").contains("4 of 4 runs finished."));
+}

@@ -69,12 +69,12 @@ def marl_eval():
             for seed, steps in seeds.items():
                 (read,) = steps["absolute_metrics"]["mean_episode_return"]
                 assert math.isclose(read, mean(final[env, method, seed.removeprefix("seed_")]))
-    # Its own pipeline needs as many seeds of every method.
-    counts = {len(seeds) for algorithms in tasks.values() for seeds in algorithms.values()}
-    if len(counts) == 1:
-        processed = data_process_pipeline(raw_data=data, metrics_to_normalize=["mean_episode_return"])
-        matrices, _ = create_matrices_for_rliable(processed, experiment, ["mean_episode_return"])
-        assert matrices, processed.keys()
+    # Its own pipeline needs as many seeds of every method, and as many evaluations in every environment.
+    for env, algorithms in tasks.items():
+        if len({len(seeds) for seeds in algorithms.values()}) == 1:
+            processed = data_process_pipeline(raw_data={experiment: {env: algorithms}}, metrics_to_normalize=["mean_episode_return"])
+            matrices, _ = create_matrices_for_rliable(processed, experiment, ["mean_episode_return"])
+            assert matrices, processed.keys()
     return f"{len(tasks)} environments"
 
 

@@ -4,6 +4,7 @@
 //! formats but CSV show.
 
 pub mod claims;
+pub mod compare;
 mod csv;
 mod digits;
 pub mod settings;
