@@ -100,6 +100,9 @@ pub fn run(arguments: &SubmitArguments) -> anyhow::Result<ExitCode> {
     }
     // Nodes know nothing of the folder in which this was called.
     let results = std::path::absolute(&selected.results).context("cannot tell where the results lie")?;
+    if results.as_os_str().as_encoded_bytes().contains(&b'\\') {
+        bail!("{} has a backslash in its name, in which Slurm cannot write logs", results.display());
+    }
     let folder = std::env::current_dir().context("cannot tell in which folder this is")?;
     for (path, spec) in &files {
         let of_it = |(run, _): &(&Planned, &RunState)| run.spec.experiment == spec.name;

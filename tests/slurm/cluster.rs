@@ -139,7 +139,7 @@ impl<'a> Bench<'a> {
         self.run(results, id)
             .ended()
             .expect("readable")
-            .unwrap_or_else(|| panic!("{id} has not ended: {}", self.logs()))
+            .unwrap_or_else(|| panic!("{id} has not ended: {}", self.logs(results)))
     }
 
     /// The digest of a finished run's policy, which is of every step that it took.
@@ -155,9 +155,9 @@ impl<'a> Bench<'a> {
     }
 
     /// What the elements said.
-    pub fn logs(&self) -> String {
+    pub fn logs(&self, results: &str) -> String {
         let mut text = String::new();
-        let Ok(submissions) = fs::read_dir(self.path("results/tiny/.slurm")) else { return text };
+        let Ok(submissions) = fs::read_dir(self.path(results).join("tiny/.slurm")) else { return text };
         for submission in submissions.flatten() {
             for log in fs::read_dir(submission.path().join("log")).into_iter().flatten().flatten() {
                 text += &format!("{}:\n{}", log.path().display(), fs::read_to_string(log.path()).unwrap_or_default());
@@ -169,7 +169,7 @@ impl<'a> Bench<'a> {
     /// Whether the report is there, and of so many runs.
     pub fn assert_reported(&self, runs: usize) {
         let report = fs::read_to_string(self.path("results/tiny/report/README.md")).unwrap_or_default();
-        assert!(report.contains(&format!("{runs} of {runs} runs finished")), "{report}\n{}", self.logs());
+        assert!(report.contains(&format!("{runs} of {runs} runs finished")), "{report}\n{}", self.logs("results"));
     }
 }
 

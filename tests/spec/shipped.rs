@@ -85,7 +85,8 @@ fn every_key_is_documented() {
             leaves(&schema["properties"]["algorithms"]["properties"][name], ""),
         );
     }
-    let own = ["name", "description", "extends", "matrix", "algorithms", "environments"];
+    documented("`[slurm]`", leaves(&schema["properties"]["slurm"], ""));
+    let own = ["name", "description", "extends", "matrix", "algorithms", "environments", "slurm"];
     let lists = ["figures", "tables", "settings", "claims"];
     let all = leaves(&schema, "");
     let setting = |key: &String| {

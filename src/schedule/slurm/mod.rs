@@ -47,7 +47,9 @@ fn call<S: AsRef<OsStr>>(program: &'static str, arguments: &[S]) -> Result<Strin
     if status.success() {
         return Ok(String::from_utf8_lossy(&stdout).into_owned());
     }
-    let said = String::from_utf8_lossy(&stderr).trim().to_owned();
+    let own = format!("{program}: error: ");
+    let said = String::from_utf8_lossy(&stderr);
+    let said = said.lines().map(|line| line.trim_start_matches(&own)).collect::<Vec<_>>().join("; ");
     let said = if said.is_empty() { status.to_string() } else { said };
     Err(SlurmError::Refused { program, said })
 }
