@@ -7,13 +7,16 @@
 //! experiments, is that of its default setting; its other settings take the looks that no algorithm of the experiment has, in
 //! ascending order of their values.
 
-use std::cmp::Ordering;
+use std::{cmp::Ordering, collections::BTreeSet};
 
 use super::{axis, recorded::Run};
 
 /// The algorithms whose own look is their place here.
 const OWN: [&str; 11] =
     ["mcpo", "ppo", "pretraining", "pofd", "mmd_il", "expert", "random", "trpo", "gail", "bc", "penalty"];
+
+/// After so many looks their colours return; `figure::look` makes the rest of them.
+const COLORS: usize = 12;
 
 /// What a run is beside its environment and seed: its algorithm, and the value of each key where that is not the default.
 type Identity = Vec<Option<toml::Value>>;
@@ -50,17 +53,16 @@ impl Identities {
         Self { looks: looks.collect(), keys }
     }
 
-    /// The look of each series, by one of its runs; of series that are the same but for their environment or seed, all but the
-    /// first take what is left.
+    /// The look of each series, by one of its runs. Of series that are the same but for their environment or seed, and of those
+    /// whose colours are the same in a figure that has colours for all, all but the first take what is left.
     pub fn looks<'a>(&self, series: impl Iterator<Item = &'a Run>) -> Vec<usize> {
         let wanted: Vec<Option<usize>> = series.map(|run| self.of(run)).collect();
-        let mut left = (0..).filter(|look| !wanted.contains(&Some(*look)));
-        let mut given: Vec<usize> = Vec::with_capacity(wanted.len());
-        for look in &wanted {
-            let own = look.filter(|look| !given.contains(look));
-            given.extend(own.or_else(|| left.next()));
-        }
-        given
+        let as_one = |look: usize| if wanted.len() <= COLORS { look % COLORS } else { look };
+        let of_somebody: BTreeSet<usize> = wanted.iter().flatten().map(|&look| as_one(look)).collect();
+        let mut left = (0..).filter(|&look| !of_somebody.contains(&as_one(look)));
+        let mut given: BTreeSet<usize> = BTreeSet::new();
+        let own = wanted.iter().map(|look| look.filter(|&look| given.insert(as_one(look))));
+        own.filter_map(|own| own.or_else(|| left.next())).collect()
     }
 
     fn of(&self, run: &Run) -> Option<usize> {
@@ -123,6 +125,14 @@ mod tests {
         let walker = fixture::mcpo("Walker2d-v2", 1e-2, 1e-3, 0);
         let with_walker = [&runs[..], std::slice::from_ref(&walker)].concat();
         assert_eq!(looks(&with_walker, &[&walker]), [0]);
+    }
+
+    #[test]
+    fn colours_return_only_where_a_figure_has_more_series_than_colours() {
+        let runs: Vec<Run> = (1..=14).map(|d| fixture::mcpo("HalfCheetah-v2", f64::from(d), 0.0, 0)).collect();
+        let of = |places: &[usize]| looks(&runs, &places.iter().map(|&place| &runs[place]).collect::<Vec<_>>());
+        assert_eq!(of(&[0, 12, 1]), [0, 2, 1], "the thirteenth has the first one's colour");
+        assert_eq!(of(&(0..14).collect::<Vec<_>>()), (0..14).collect::<Vec<_>>());
     }
 
     #[test]
