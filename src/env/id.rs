@@ -131,7 +131,7 @@ impl EnvId {
         let distances = Self::known().map(|(known, _)| (distance(known), known)).min();
         match distances.filter(|(distance, known)| 3 * distance <= letters(name).max(letters(known))) {
             Some((_, nearest)) => format!("the nearest known one is `{nearest}`"),
-            None => format!("known are {}", Self::ALL.map(|id| format!("`{id}`")).join(", ")),
+            None => format!("the known ones are {}", Self::ALL.map(|id| format!("`{id}`")).join(", ")),
         }
     }
 
@@ -187,9 +187,9 @@ mod tests {
             ("Walker-v2", "`Walker2d-v2`"),
             ("MountainCar-v1", "`MountainCar-v0`"),
             ("InvertedPendulm-v2", "`InvertedPendulum-v2`"),
-            ("Humanoid-v4", "known are `MountainCarContinuous-v0`, `InvertedPendulum-v2`"),
-            ("Swimmer-v2", "known are"),
-            ("", "known are"),
+            ("Humanoid-v4", "the known ones are `MountainCarContinuous-v0`, `InvertedPendulum-v2`"),
+            ("Swimmer-v2", "the known ones are"),
+            ("", "the known ones are"),
         ] {
             let message = name.parse::<EnvId>().expect_err("unknown").to_string();
             assert!(

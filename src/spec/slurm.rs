@@ -108,7 +108,7 @@ text! {
 
 text! {
     /// A time limit as Slurm writes it.
-    Time, is_time, "a time of Slurm's such as 90 (minutes), 4:00:00 or 2-12:00:00"
+    Time, is_time, "a time as Slurm writes it, such as 90 (minutes), 4:00:00 or 2-12:00:00"
 }
 
 text! {
