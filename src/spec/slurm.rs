@@ -30,7 +30,8 @@ pub struct Slurm {
     /// Runs of an element. Default 1.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub pack: Option<Count>,
-    /// Seconds before the time limit at which runs write a checkpoint and leave, to resume in another element. Default 120.
+    /// Seconds before the time limit at which runs write a checkpoint and stop, to resume when the element is started again.
+    /// Default 120.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub grace: Option<Count>,
     /// Other options of `sbatch`, such as `["--constraint=avx512", "--exclusive"]`.
