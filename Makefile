@@ -15,7 +15,7 @@ test: setup
 soak: build
 	tests/soak/disturb.sh $(or $(SOAK_SECONDS),3600)
 
-# What `make test` compares this program's numbers with; to be made anew whenever they are meant to change.
+# What `make test` compares this program's numbers with; to be recorded again whenever they are meant to change.
 ci-results: build
 	rm -rf results/ci
 	target/release/mcpo-run verify experiments/ci.toml --against results/ci --record

@@ -103,7 +103,7 @@ fn bad_input_is_one_error_and_writes_nothing() {
     let out = folder.path().join("out.parquet").display().to_string();
     refused(&["verify", "nowhere.parquet", "--env", "Hopper-v2"], &["nowhere.parquet"]);
     refused(&["verify", &hopper, "--env", "Hoper-v2"], &["Hoper-v2", "nearest", "Hopper-v2"]);
-    refused(&["verify", &hopper, "--env", "Walker2d-v2"], &[&hopper, "the file says that it is of Hopper-v2"]);
+    refused(&["verify", &hopper, "--env", "Walker2d-v2"], &[&hopper, "the file says that it is from Hopper-v2"]);
     refused(&["verify", &hopper, "--env", "Hopper-v2", "--tolerance", "-1"], &["--tolerance"]);
     refused(&["show", "tests/reference/mmd.json"], &["mmd.json", "not a Parquet file"]);
     let pickle = reference("import_protocol3.pkl");
@@ -164,10 +164,10 @@ fn a_run_refuses_the_demonstration_of_another_environment() {
     .expect("written");
     let mut cheetah = Demonstration::read(&recorded(EnvId::HalfCheetah)).expect("it was recorded");
     for (label, says) in [
-        (Some("HalfCheetah-v2"), "the file says that it is of HalfCheetah-v2"),
-        (Some("halfcheetah-medium-v2"), "the file says that it is of halfcheetah-medium-v2"),
-        (None, "its observations move as those of HalfCheetah-v2 do"),
-        (Some("Walker2d-v2"), "its observations move as those of HalfCheetah-v2 do"),
+        (Some("HalfCheetah-v2"), "the file says that it is from HalfCheetah-v2"),
+        (Some("halfcheetah-medium-v2"), "the file says that it is from halfcheetah-medium-v2"),
+        (None, "its observations move like those of HalfCheetah-v2"),
+        (Some("Walker2d-v2"), "its observations move like those of HalfCheetah-v2"),
     ] {
         cheetah.provenance = label.map(|label| ("env".to_owned(), label.to_owned())).into_iter().collect();
         cheetah.write(&path).expect("written");

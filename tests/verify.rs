@@ -110,5 +110,5 @@ fn a_run_that_failed_when_it_was_recorded_and_does_not_now_is_told() {
     manifest.outcome = Outcome::Failed { error: "out of memory".into(), log_tail: vec!["begins".into()] };
     manifest.write(&path).expect("written");
     let stdout = verify(folder.path(), 4, &[]);
-    assert!(stdout.starts_with(&format!("{RUN}: recorded as failed (out of memory), and finished now\n")), "{stdout}");
+    assert!(stdout.starts_with(&format!("{RUN}: recorded as failed (out of memory), but finished now\n")), "{stdout}");
 }

@@ -33,7 +33,8 @@ pub const REVISION: u32 = 1;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Hyperparameters {
-    /// w, the weight of MMD^2 at the first iteration, in units of a step's advantage: `1 - gamma` of the discounted return's.
+    /// w, the weight of MMD^2 at the first iteration, in units of a step's advantage: `1 - gamma` times a weight
+    /// against the discounted return.
     pub weight: NonNegative,
     /// How fast the weight shrinks: `w_k+1 = w_k (1 - epsilon)`; 0 keeps it.
     pub epsilon: UnitInterval,

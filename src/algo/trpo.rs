@@ -29,9 +29,9 @@ pub struct Hyperparameters {
     pub max_kl: Positive,
     /// Added to the Fisher matrix's diagonal.
     pub damping: NonNegative,
-    /// Conjugate gradient's products, at most.
+    /// Products of conjugate gradient, at most.
     pub cg_iterations: Count,
-    /// Samples of the batch that make the Fisher matrix, at most; evenly spaced.
+    /// The most samples of the batch, evenly spaced, that make the Fisher matrix.
     pub fisher_samples: Count,
     /// Discount gamma.
     pub discount: Discount,

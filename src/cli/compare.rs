@@ -24,7 +24,7 @@ pub struct CompareArguments {
     /// A matrix file, or a folder that holds recorded `runs/`
     #[arg(value_name = "A")]
     first: PathBuf,
-    /// The same, which is judged by the first
+    /// The same, to be judged by the first
     #[arg(value_name = "B")]
     second: PathBuf,
     /// Only the runs that match, such as env=Hopper-v2,algorithm=mcpo

@@ -43,7 +43,7 @@ fn check_digest(path: &Path) -> anyhow::Result<()> {
     match recorded {
         Some(recorded) if recorded != policy::digest(path)? => {
             bail!(
-                "{} is not the policy that the run.json beside it records; copied elsewhere, it is played",
+                "{} is not the policy that the run.json beside it records; to play it, copy it elsewhere",
                 path.display()
             )
         }

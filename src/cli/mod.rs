@@ -40,7 +40,7 @@ use selected::{InvalidFiles, Selected};
 
 /// Declarative experiments in reinforcement learning from imperfect demonstrations.
 ///
-/// `mcpo-run PATH...` runs what is missing of the experiments in PATH and writes their reports.
+/// `mcpo-run PATH...` runs whatever is missing of the experiments in PATH and writes their reports.
 #[derive(Debug, Parser)]
 #[command(name = "mcpo-run", version, arg_required_else_help = true)]
 #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true, disable_help_subcommand = true)]
@@ -60,9 +60,9 @@ enum Command {
     Plan(plan::PlanArguments),
     /// Show what has finished, is running, has failed (and why) and is still to do, and the time left; also during a campaign
     Status(Selected),
-    /// Hand what is missing to a cluster, and leave
+    /// Submit what is missing to a cluster, and exit
     Submit(submit::SubmitArguments),
-    /// Cancel what a cluster has of the runs; those under way write a checkpoint
+    /// Cancel the runs that a cluster has; those under way write a checkpoint
     Cancel(Selected),
     /// Write tables, claims and figures from recorded files alone
     Report(report::ReportArguments),
@@ -71,12 +71,12 @@ enum Command {
     /// A cell of B is reproduced where its difference from A's is within a tenth of the paper's Expert - Random, better or worse where
     /// it lies beyond that.
     Compare(compare::CompareArguments),
-    /// Run a matrix and compare with what is recorded of it; exit with 4 where it is not reproduced
+    /// Run a matrix and compare it with its record; exit with 4 where it is not reproduced
     ///
     /// Within one numeric class (CPU features, C library, engine and algorithms) every row and the policy must have the same
     /// bits, except for measured times; elsewhere the first iteration must be within 5 %.
     Verify(verify::VerifyArguments),
-    /// Run the run that a result comes from again, and compare; exit with 4 where it is not reproduced
+    /// Repeat the run that a result comes from, and compare; exit with 4 where it is not reproduced
     Reproduce(reproduce::ReproduceArguments),
     /// Play episodes with a saved policy
     Eval(eval::EvalArguments),
@@ -87,7 +87,7 @@ enum Command {
     Demo(demo::DemoCommand),
     /// Show where a result file comes from
     Show(show::ShowArguments),
-    /// Print the completions of a shell
+    /// Print the completions for a shell
     Completions(completions::CompletionsArguments),
     /// Print the manual page, of the program or of one command
     Man(man::ManArguments),
@@ -140,7 +140,7 @@ fn definition() -> clap::Command {
     Arguments::command()
 }
 
-/// Tells an error on stderr.
+/// Reports an error on stderr.
 fn complain(error: &anyhow::Error) {
     let text = match error.downcast_ref::<InvalidFiles>() {
         Some(invalid) => invalid.render(io::stderr().is_terminal()),

@@ -116,7 +116,7 @@ pub(super) fn evaluated_otherwise(planned: &[Planned], states: &[RunState]) -> S
     });
     match otherwise.count() {
         0 => String::new(),
-        n => format!("; {n} finished under other settings of evaluation, and kept (plan --explain names them)"),
+        n => format!("; {n} finished with other evaluation settings, and kept (plan --explain names them)"),
     }
 }
 
@@ -143,7 +143,7 @@ fn reason(run: &Planned, state: &RunState) -> String {
         RunState::Interrupted { env_steps } => {
             format!("will run: resumes from the checkpoint at {} steps", steps(*env_steps))
         }
-        RunState::Running(_) => "will not run here: another process works on it".to_owned(),
+        RunState::Running(_) => "will not run here: another process is working on it".to_owned(),
         RunState::ToExtend { shorter, env_steps: Some(env_steps) } => {
             let recorded = steps(shorter.env_steps);
             format!("will run: recorded with {recorded} steps, and resumes from its state at {}", steps(*env_steps))
@@ -157,12 +157,12 @@ fn reason(run: &Planned, state: &RunState) -> String {
                 keys if keys.is_empty() => String::new(),
                 keys => format!(", but its evaluations differ in {}", keys.join(", ")),
             };
-            let classes = if manifest.is_of_one_class() { "" } else { "; not of one class of machine" };
+            let classes = if manifest.is_of_one_class() { "" } else { "; computed on more than one class of machine" };
             let fingerprint = &manifest.stamp.fingerprint;
             format!("will not run: recorded with the same fingerprint {fingerprint}{otherwise}{classes}")
         }
         RunState::Failed(manifest) => {
-            format!("will run again: failed: {}", manifest.error().unwrap_or("it did not end"))
+            format!("will run again: failed: {}", manifest.error().unwrap_or("it did not finish"))
         }
         RunState::Differs { keys } => {
             format!("refused: what is recorded differs in {}; --fresh sets it aside", keys.join(", "))

@@ -31,7 +31,7 @@ pub struct ReportArguments {
     /// Exit with 3 where a value is better or worse than the paper's, or a claim of the file is contradicted
     #[arg(long)]
     strict: bool,
-    /// Write it again whenever more is recorded, looked for every so many seconds (10), until all runs have ended
+    /// Write the report again whenever more is recorded, looking every so many seconds (10), until all runs have ended
     #[arg(long, value_name = "SECONDS", num_args = 0..=1, default_missing_value = "10", require_equals = true)]
     #[arg(value_parser = clap::value_parser!(u16).range(1..))]
     watch: Option<u16>,

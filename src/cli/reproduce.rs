@@ -86,7 +86,7 @@ fn compared(path: &Path, computed: &Path, exactness: Exactness) -> anyhow::Resul
             compare::tables(path, &table(computed), exactness)?
         }
         Some("safetensors") if exactness == Exactness::FirstIteration => {
-            bail!("{} was computed in another numeric class, where no policy has the same numbers", path.display())
+            bail!("{} was computed in another numeric class; no policy has the same numbers in both", path.display())
         }
         Some("safetensors") => {
             let kept = RunPaths::kept_after(path).map(|env_steps| RunPaths::kept_policy(computed, env_steps));

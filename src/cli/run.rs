@@ -25,11 +25,11 @@ use crate::{
 pub struct RunArguments {
     #[command(flatten)]
     selected: Selected,
-    /// Runs at a time, one process each [default: the physical cores over the threads of each run]
+    /// Runs at a time, one process each [default: the physical cores divided by the threads of each run]
     #[arg(long, short, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     jobs: Option<u16>,
-    /// Threads that share the work of each run, with the same numbers [default: 1; where fewer runs than `--jobs` are left,
-    /// those that start share the rest]
+    /// Threads that share the work of each run, without changing its numbers [default: 1; where fewer runs than `--jobs` are
+    /// left, those that start share the rest]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
     /// Retry a failed run up to K times, each time from its last checkpoint
@@ -44,10 +44,10 @@ pub struct RunArguments {
     /// Kill a run that makes no progress for this many seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 600, value_parser = clap::value_parser!(u64).range(1..))]
     hang_timeout: u64,
-    /// Run part K of N of the runs alone, as K=1 to N do on as many machines, and write no report
+    /// Run only part K of N, as each of N machines does with its own K from 1 to N, and write no report
     #[arg(long, value_name = "K/N")]
     shard: Option<Shard>,
-    /// After this time, such as 2h or 1h30m, let the runs under way write a checkpoint, and leave as interrupted
+    /// After this time, such as 2h or 1h30m, let the runs under way write a checkpoint, and exit as interrupted
     #[arg(long, value_name = "TIME", value_parser = duration::parse)]
     max_time: Option<Duration>,
     /// Show what would be run, and stop

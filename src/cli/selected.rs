@@ -165,7 +165,7 @@ fn nearest_command(word: &Path) -> String {
     let nearest = commands.map(|name| (strsim::damerau_levenshtein(&word, name), name)).min();
     match nearest.filter(|&(distance, name)| distance <= name.len() / 2) {
         None => String::new(),
-        Some((0, name)) => format!("; the command `{name}` stands first: `mcpo-run {name} ...`"),
+        Some((0, name)) => format!("; the command `{name}` must come first: `mcpo-run {name} ...`"),
         Some((_, name)) => format!("; did you mean `{name}`?"),
     }
 }
@@ -189,7 +189,7 @@ mod tests {
         let message = selected(&[Path::new("statsu")]).files().expect_err("no such file").to_string();
         assert!(message.ends_with("did you mean `status`?"), "{message}");
         let message = selected(&[Path::new("plan")]).files().expect_err("no such file").to_string();
-        assert!(message.ends_with("the command `plan` stands first: `mcpo-run plan ...`"), "{message}");
+        assert!(message.ends_with("the command `plan` must come first: `mcpo-run plan ...`"), "{message}");
         let message = selected(&[Path::new("zzzzzzzzzz")]).files().expect_err("no such file").to_string();
         assert!(!message.contains("did you mean"), "{message}");
     }

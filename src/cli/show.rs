@@ -88,7 +88,7 @@ fn render(path: &Path, stamp: &Stamp, manifest: Option<&Manifest>) -> anyhow::Re
         rows.push((
             "outcome",
             match &manifest.outcome {
-                Outcome::Begun => "begun, not ended".to_owned(),
+                Outcome::Begun => "begun, not finished".to_owned(),
                 Outcome::Finished => {
                     format!("finished after {} steps in {:.0} s", manifest.env_steps, manifest.seconds)
                 }
@@ -104,7 +104,7 @@ fn render(path: &Path, stamp: &Stamp, manifest: Option<&Manifest>) -> anyhow::Re
             rows.push(("attempt", format!("{} to {ended} from step {from} on {host}{class}{error}", attempt.began)));
         }
         if !manifest.is_of_one_class() {
-            rows.push(("machines", "not of one class: no machine repeats its bits".to_owned()));
+            rows.push(("machines", "of more than one class: no machine can repeat its bits".to_owned()));
         }
     }
     let build = &stamp.build;

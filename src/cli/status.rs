@@ -145,7 +145,7 @@ fn render(planned: &[Planned], states: &[RunState], cluster: &HashMap<(String, S
                     thousands(steps as f64)
                 )
             }
-            RunState::Failed(manifest) => manifest.error().unwrap_or("it did not end").to_owned(),
+            RunState::Failed(manifest) => manifest.error().unwrap_or("it did not finish").to_owned(),
             RunState::Differs { keys } => format!("in {}", keys.join(", ")),
             RunState::Unusable { reason } | RunState::Damaged { reason } => reason.clone(),
         };
@@ -156,7 +156,7 @@ fn render(planned: &[Planned], states: &[RunState], cluster: &HashMap<(String, S
     let counts: Vec<String> = counts.into_iter().map(|(word, count)| format!("{count} {word}")).collect();
     let time = match running {
         _ if left == 0.0 => String::new(),
-        0 => format!("; nothing runs now; about {} of work left", clock(left)),
+        0 => format!("; nothing is running now; about {} of work left", clock(left)),
         _ if rate == 0.0 => "; time left not yet known".to_owned(),
         n => format!("; about {} left at {n} at a time", clock(left / rate)),
     };

@@ -99,11 +99,11 @@ pub fn run(arguments: &SubmitArguments) -> anyhow::Result<ExitCode> {
         }
     }
     // Nodes know nothing of the folder in which this was called.
-    let results = std::path::absolute(&selected.results).context("cannot tell where the results lie")?;
+    let results = std::path::absolute(&selected.results).context("cannot tell where the results are")?;
     if results.as_os_str().as_encoded_bytes().contains(&b'\\') {
-        bail!("{} has a backslash in its name, in which Slurm cannot write logs", results.display());
+        bail!("{} has a backslash in its name, and Slurm cannot write logs there", results.display());
     }
-    let folder = std::env::current_dir().context("cannot tell in which folder this is")?;
+    let folder = std::env::current_dir().context("cannot tell which folder this is")?;
     for (path, spec) in &files {
         let of_it = |(run, _): &(&Planned, &RunState)| run.spec.experiment == spec.name;
         let runs: Vec<(&Planned, &RunState)> = planned.iter().zip(&states).filter(of_it).collect();
@@ -217,7 +217,7 @@ impl Experiment<'_> {
             jobs.push(job);
         }
         let job = slurm::sbatch(&script::sbatch_collect(request, &jobs, name, &folder))
-            .context("everything was sent but for the report, which `mcpo-run report` writes")?;
+            .context("everything was sent except the report, which `mcpo-run report` writes")?;
         Asked::Collect { job: job.clone() }.add(&folder)?;
         let runs = counted(elements.iter().map(Vec::len).sum(), "run");
         let elements = counted(elements.len(), "element");

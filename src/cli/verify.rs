@@ -40,11 +40,11 @@ pub struct VerifyArguments {
     /// Runs at a time, one process each [default: the physical cores]
     #[arg(long, short, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     jobs: Option<u16>,
-    /// Make DIR, which must not exist yet, the record: rows and manifests without hosts, command lines, logs or policies
+    /// Write the record to DIR, which must not exist yet: rows and manifests without hosts, command lines, logs or policies
     #[arg(long)]
     record: bool,
-    /// Insist on the same bits where the record was made on this class of machine: one that other versions of the program or of
-    /// MuJoCo made is then a difference
+    /// Insist on the same bits where the record was made on this class of machine: a record that other versions of the
+    /// program or of MuJoCo made is then a difference
     #[arg(long, conflicts_with = "record")]
     exact: bool,
     /// Show only failures
@@ -97,7 +97,7 @@ pub fn run(arguments: &VerifyArguments) -> anyhow::Result<ExitCode> {
         lines.extend(
             more.iter()
                 .filter(|id| !known.contains(id.as_str()))
-                .map(|id| format!("{id}: recorded, and no run of {}\n", arguments.path.display())),
+                .map(|id| format!("{id}: recorded, but no run of {}\n", arguments.path.display())),
         );
     }
     let how = match elsewhere.first() {
@@ -122,18 +122,18 @@ fn difference(
     elsewhere: &mut BTreeSet<String>,
 ) -> anyhow::Result<Option<String>> {
     let Some(before) = Manifest::read(&RunPaths::manifest(recorded))? else {
-        return Ok(Some("nothing is recorded of it".to_owned()));
+        return Ok(Some("nothing is recorded for it".to_owned()));
     };
     let keys = run.differences(&before.stamp);
     if !keys.is_empty() {
         return Ok(Some(format!("another run is recorded; it differs in {}", keys.join(", "))));
     }
-    let now = run.paths.ended()?.context("it did not end")?;
+    let now = run.paths.ended()?.context("it did not finish")?;
     match (&before.outcome, &now.outcome) {
         (Outcome::Finished, Outcome::Finished) => {}
         (_, Outcome::Failed { error, .. }) => return Ok(Some(format!("failed: {error}"))),
         (Outcome::Failed { error, .. }, Outcome::Finished) => {
-            return Ok(Some(format!("recorded as failed ({error}), and finished now")));
+            return Ok(Some(format!("recorded as failed ({error}), but finished now")));
         }
         (before, now) => return Ok(Some(format!("recorded as {before:?}, now {now:?}"))),
     }

@@ -44,7 +44,7 @@ fn resume_later(ended: &Ended) {
     let Some((job, index)) = variable("SLURM_ARRAY_JOB_ID").zip(variable("SLURM_ARRAY_TASK_ID")) else { return };
     let requeued = match ended.is_farther {
         true => slurm::requeue(&format!("{job}_{index}")).context("this element cannot be started again"),
-        false => Err(anyhow::anyhow!("no run came farther than it was: this element needs a longer time limit")),
+        false => Err(anyhow::anyhow!("no run got any farther: this element needs a longer time limit")),
     };
     if let Err(error) = requeued {
         complain(&error);

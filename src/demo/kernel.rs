@@ -10,7 +10,7 @@ use crate::quantity::Positive;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Bandwidth {
-    /// This sigma.
+    /// Sigma is this number.
     Fixed(Positive),
     /// The median distance between the demonstration's points.
     Median,

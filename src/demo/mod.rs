@@ -94,7 +94,7 @@ impl Demonstration {
         if let Some(label) = self.label()
             && EnvId::of_label(label).is_some_and(|(other, _)| other != env)
         {
-            return Err(misfit(format!("the file says that it is of {}", label.escape_debug())));
+            return Err(misfit(format!("the file says that it is from {}", label.escape_debug())));
         }
         let environment = env.build().map_err(failed)?;
         let (spaces, pose) = (environment.spaces(), environment.pose());
@@ -113,7 +113,7 @@ impl Demonstration {
             }
         }
         match motion::mover(self, env).map_err(failed)? {
-            Mover::Other(other) => Err(misfit(format!("its observations move as those of {other} do"))),
+            Mover::Other(other) => Err(misfit(format!("its observations move like those of {other}"))),
             Mover::Own | Mover::Unknown => Ok(()),
         }
     }
@@ -153,7 +153,7 @@ impl Demonstration {
         for steps in self.episodes() {
             let before_last = steps.start..steps.end - 1;
             if let Some(step) = before_last.into_iter().find(|&step| self.terminated[step] || self.truncated[step]) {
-                return Some(format!("row {step} ends its episode, but row {} goes on with it", step + 1));
+                return Some(format!("row {step} ends its episode, but row {} continues it", step + 1));
             }
         }
         let poses = self.poses.iter().flatten();

@@ -99,7 +99,7 @@ fn torn_episodes_are_refused() {
     }
     let ends = [true, false, false, false, false, false];
     let message = refusal(|columns| replace(columns, Column::new("terminated".into(), ends)));
-    assert!(message.contains("row 0 ends its episode, but row 1 goes on"), "{message}");
+    assert!(message.contains("row 0 ends its episode, but row 1 continues"), "{message}");
 }
 
 #[test]

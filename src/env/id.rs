@@ -120,10 +120,10 @@ impl EnvId {
             && id.other_versions().contains(&version)
         {
             let difference = id.differs_in(version).map_or_else(
-                || format!("v{version} takes the same steps but for the last bits"),
+                || format!("v{version} takes the same steps except for the last bits"),
                 |difference| format!("it is not the same: {difference}"),
             );
-            return format!("known is `{id}`; {difference}");
+            return format!("the known one is `{id}`; {difference}");
         }
         let distance = |known: &str| strsim::damerau_levenshtein(&name.to_lowercase(), &known.to_lowercase());
         // The version that all share is no likeness.
@@ -131,7 +131,7 @@ impl EnvId {
         let distances = Self::known().map(|(known, _)| (distance(known), known)).min();
         match distances.filter(|(distance, known)| 3 * distance <= letters(name).max(letters(known))) {
             Some((_, nearest)) => format!("the nearest known one is `{nearest}`"),
-            None => format!("known are {}", Self::ALL.map(|id| format!("`{id}`")).join(", ")),
+            None => format!("the known ones are {}", Self::ALL.map(|id| format!("`{id}`")).join(", ")),
         }
     }
 
@@ -180,16 +180,16 @@ mod tests {
     #[test]
     fn an_unknown_name_is_refused_with_the_nearest_known_one() {
         for (name, expected) in [
-            ("HalfCheetah-v4", "known is `HalfCheetah-v2`; v4 takes the same steps"),
-            ("Hopper-v5", "known is `Hopper-v2`; it is not the same: v5 pays no 1"),
-            ("Ant-v4", "known is `Ant-v2`; it is not the same: v4 observes 27"),
+            ("HalfCheetah-v4", "the known one is `HalfCheetah-v2`; v4 takes the same steps"),
+            ("Hopper-v5", "the known one is `Hopper-v2`; it is not the same: v5 pays no 1"),
+            ("Ant-v4", "the known one is `Ant-v2`; it is not the same: v4 observes 27"),
             ("hopper-v2", "the nearest known one is `Hopper-v2`"),
             ("Walker-v2", "`Walker2d-v2`"),
             ("MountainCar-v1", "`MountainCar-v0`"),
             ("InvertedPendulm-v2", "`InvertedPendulum-v2`"),
-            ("Humanoid-v4", "known are `MountainCarContinuous-v0`, `InvertedPendulum-v2`"),
-            ("Swimmer-v2", "known are"),
-            ("", "known are"),
+            ("Humanoid-v4", "the known ones are `MountainCarContinuous-v0`, `InvertedPendulum-v2`"),
+            ("Swimmer-v2", "the known ones are"),
+            ("", "the known ones are"),
         ] {
             let message = name.parse::<EnvId>().expect_err("unknown").to_string();
             assert!(

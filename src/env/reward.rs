@@ -25,7 +25,7 @@ pub enum Reward {
     },
     /// SPARSE3: +1 on every step on which the last pole is high (InvertedPendulum, InvertedDoublePendulum).
     Sparse3 {
-        /// Metres: the tip's height of the single pole, the second pole's centre of the double one.
+        /// Metres: the height of the single pole's tip, or of the centre of the double pendulum's second pole.
         height: Positive,
     },
 }
@@ -37,7 +37,7 @@ pub enum SparseMode {
     /// Once for each whole distance covered, so that going farther is worth more.
     #[default]
     Milestone,
-    /// On every step beyond the distance, which going farther does not make worth more.
+    /// On every step beyond the distance; going farther is worth no more.
     Beyond,
 }
 

@@ -8,13 +8,13 @@ use crate::quantity::{UnitInterval, constant};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Claim {
-    /// The paper's sentence in short.
+    /// The paper's sentence, shortened.
     pub name: String,
-    /// The runs that it is about, as for `--only`; settings that differ in more than their seed are judged one by one.
+    /// The runs that it is about, as for `--only`; those that differ in more than their seed are judged separately.
     pub of: String,
-    /// What is said of them.
+    /// What is said of these runs.
     pub is: Relation,
-    /// What they are compared with: runs of one setting, as for `--only`, or `demonstration`, its return.
+    /// What these are compared with: runs of one setting, as for `--only`, or `demonstration`, for the return of theirs.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub than: Option<String>,
     /// What is compared: `return` (evaluations, dense) or a column of numbers of `progress.parquet`.
@@ -23,17 +23,17 @@ pub struct Claim {
     /// Which part of training counts.
     #[serde(default)]
     pub at: Part,
-    /// Whether it is judged in each environment, or over all of them.
+    /// Whether the claim is judged in each environment, or over all of them.
     #[serde(default)]
     pub environments: Environments,
     /// Runs that count on either side, as for `--only`; all when absent.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub only: Option<String>,
-    /// The difference that does not count, for returns as a share of the paper's Expert - Random; below 0, the shortfall that is
-    /// allowed.
+    /// The difference that does not count; for returns, as a share of the paper's Expert - Random. Below 0, the shortfall that
+    /// is allowed.
     #[serde(default)]
     pub margin: f64,
-    /// For `kept`: the least share of the iterations, after the first in which the constraint was met, in which it has to be.
+    /// For `kept`: the least share of the iterations, after the first in which the constraint was met, in which it must be met.
     #[serde(default = "Claim::nearly_all")]
     pub share: UnitInterval,
 }
@@ -48,7 +48,7 @@ pub enum Relation {
     Below,
     /// Apart by less than the margin.
     Like,
-    /// Once met, the mimicry constraint is met in at least the share of the iterations.
+    /// Once met, the mimicry constraint is met in at least `share` of the iterations.
     Kept,
 }
 
@@ -70,7 +70,7 @@ pub enum Environments {
     /// In each environment that both sides have.
     #[default]
     Each,
-    /// Over all of them, each weighing the same.
+    /// Over all of them, each with the same weight.
     Overall,
 }
 

@@ -42,7 +42,7 @@ struct Conflict {
 #[derive(Default)]
 pub(super) struct Findings {
     pub(super) errors: Vec<SpecError>,
-    /// Demonstrations that are not there: runs cannot start, though a report can still be drawn.
+    /// Demonstrations that do not exist: runs cannot start, though a report can still be drawn.
     pub(super) missing: Vec<(PathBuf, SpecError)>,
 }
 
@@ -52,7 +52,7 @@ impl Draft<'_> {
         let mut findings = Findings { errors: self.missing_keys().collect(), missing: Vec::new() };
         let runs = self.spec.named_runs();
         if runs > MOST_RUNS {
-            let message = format!("the matrix has {runs} runs; {MOST_RUNS} are the most");
+            let message = format!("the matrix has {runs} runs; at most {MOST_RUNS} are allowed");
             findings.errors.push(self.at_matrix(message));
             return findings;
         }
@@ -80,7 +80,7 @@ impl Draft<'_> {
                             .any(|known| speaks(&known.message) || known.label.as_ref().is_some_and(speaks))
                         {
                             let mut error = self.at_start(error.to_string());
-                            error.label = Some("write `[budget]` and under it `env_steps = ...`".into());
+                            error.label = Some("write `[budget]` and, under it, `env_steps = ...`".into());
                             add(&mut findings.errors, error);
                         }
                     }
@@ -119,7 +119,7 @@ impl Draft<'_> {
             let arguments = self.sources.iter().filter(|source| source.layer.path.is_none());
             for source in arguments.filter(|source| ways.iter().any(|way| source.span(way).is_some())) {
                 errors.push(SpecError {
-                    message: format!("`{axis}` is an axis of the matrix, which wins"),
+                    message: format!("`{axis}` is an axis of the matrix, whose values win"),
                     place: source.layer.place(0..0),
                     label: Some(format!("`--axis {axis}=...` replaces its list")),
                     help: None,

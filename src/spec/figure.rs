@@ -18,8 +18,8 @@ pub struct Figure {
     pub y: String,
     /// Axes whose values make one curve each, such as `["d"]`.
     pub series: Vec<String>,
-    /// An axis whose values make one panel each, or a list of selections, as for `--only`, one panel each; an environment each
-    /// when absent.
+    /// An axis, for one panel per value, or a list of selections, as for `--only`, for one panel per selection; one panel per
+    /// environment when absent.
     #[serde(default)]
     pub panels: Panels,
     /// Runs that are drawn, as for `--only`; all when absent.
@@ -34,10 +34,10 @@ pub struct Figure {
     /// The width in print: `column` (3.25 inches), `text` (5.5), `full` (7) or a number of inches; for the screen when absent.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub width: Option<Width>,
-    /// What is drawn of a curve's seeds: `t` (95 % Student t interval), `std`, `bootstrap` (95 %) or `seeds`.
+    /// How a curve's seeds are shown: `t` (95 % Student t interval), `std`, `bootstrap` (95 %) or `seeds`.
     #[serde(default)]
     pub band: Band,
-    /// Environment steps over which each seed is averaged, its raw curve behind it; not at all when absent.
+    /// Environment steps over which each seed is averaged, with the unsmoothed curve behind; no smoothing when absent.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub smooth: Option<EnvSteps>,
 }
@@ -72,7 +72,7 @@ pub struct SettingsTable {
     pub title: String,
     /// What is shown: parameters, and `observations`, `actions` and `trajectories` of the environment and its demonstration.
     pub show: Vec<String>,
-    /// Axes whose values make one row each, a column being a parameter; one row a parameter when absent.
+    /// Axes whose values make one row each, with one column per parameter; one row per parameter when absent.
     #[serde(default)]
     pub rows: Vec<String>,
     /// Runs that count, as for `--only`; all when absent.

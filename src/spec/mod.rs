@@ -50,7 +50,7 @@ use crate::env::EnvId;
 pub struct ExperimentSpec {
     /// Name of the experiment, and of its folder under the results.
     pub name: String,
-    /// A sentence for people.
+    /// A sentence for readers.
     pub description: String,
     /// What is set for all runs: [`Settings`], where given.
     pub settings: toml::Table,
@@ -74,7 +74,7 @@ pub struct ExperimentSpec {
     pub slurm: Slurm,
     /// The folder of the file.
     pub folder: PathBuf,
-    /// Demonstrations that are not there.
+    /// Demonstrations that do not exist.
     missing: Vec<(PathBuf, SpecError)>,
 }
 
@@ -126,7 +126,7 @@ impl ExperimentSpec {
 
     /// Whether the runs that learn from these demonstrations can start.
     ///
-    /// Errors: those that are not there, with the place that names them. A report needs none, so [`load`] does not refuse
+    /// Errors: those that do not exist, with the place that names them. A report needs none, so [`load`] does not refuse
     /// them.
     pub fn ready<'a>(&self, demonstrations: impl IntoIterator<Item = &'a Path>) -> Result<(), SpecErrors> {
         let needed: BTreeSet<&Path> = demonstrations.into_iter().collect();

@@ -32,7 +32,7 @@ pub(super) fn nearest_label<'a>(what: &str, name: &str, known: impl IntoIterator
     names.retain(|name| name.split_once('.').is_none_or(|(_, shared)| !all.contains(&shared)));
     let (most, others) = names.split_at_checked(MOST_LISTED).unwrap_or((&names, &[]));
     let more = if others.is_empty() { String::new() } else { format!(", and {} more", others.len()) };
-    (!most.is_empty()).then(|| format!("known are {}{more}", list(most.iter().copied())))
+    (!most.is_empty()).then(|| format!("the known ones are {}{more}", list(most.iter().copied())))
 }
 
 /// "`a`, `b` and `c`".
@@ -60,7 +60,7 @@ pub(super) fn plain(message: &str) -> (String, Option<String>) {
 fn wrong_choice(message: &str) -> Option<(String, Option<String>)> {
     let wrong = match message {
         "wanted string or table" => "this is neither a name nor a table",
-        _ if message.starts_with("wanted exactly 1 element") => "this table does not hold one choice",
+        _ if message.starts_with("wanted exactly 1 element") => "this table does not hold exactly one choice",
         _ => return None,
     };
     Some((wrong.into(), Some("expected a name, or a table with one name and its fields".into())))
@@ -70,7 +70,10 @@ fn wrong_choice(message: &str) -> Option<(String, Option<String>)> {
 fn too_large(message: &str) -> Option<(String, Option<String>)> {
     let (number, rest) = message.strip_prefix("invalid type: integer `")?.split_once('`')?;
     let (_, expected) = rest.strip_prefix(" as ")?.split_once(", expected ")?;
-    Some((format!("{number} is out of range"), Some(format!("expected {} of 64 bits", type_in_words(expected)))))
+    Some((
+        format!("{number} is out of range"),
+        Some(format!("expected {} that fits in 64 bits", type_in_words(expected))),
+    ))
 }
 
 fn wrong_type(message: &str) -> Option<(String, Option<String>)> {
@@ -106,7 +109,7 @@ fn unknown_name(message: &str) -> Option<(String, Option<String>)> {
     };
     // What is known stands in the message.
     let label = nearest(wrong, known.iter().copied()).map(|nearest| format!("the nearest known {what} is `{nearest}`"));
-    Some((format!("unknown {what} `{wrong}`; known are {}", list(known)), label))
+    Some((format!("unknown {what} `{wrong}`; the known ones are {}", list(known)), label))
 }
 
 /// What was found: "string "abc"" as it is, floating point `2.5` as the number 2.5.
@@ -156,7 +159,10 @@ mod tests {
         assert_eq!(nearest("PPO", ["mcpo", "ppo"]), Some("ppo"));
         assert_eq!(nearest("ppo", []), None);
         // What resembles nothing is shown what there is.
-        assert_eq!(nearest_label("key", "clip", ["d", "damping"]).as_deref(), Some("known are `d` and `damping`"));
+        assert_eq!(
+            nearest_label("key", "clip", ["d", "damping"]).as_deref(),
+            Some("the known ones are `d` and `damping`")
+        );
         for (name, known) in [("sac", "bc"), ("lr", "d"), ("zip", "clip"), ("Humanoid-v4", "Ant-v2"), ("", "d")] {
             assert_eq!(nearest(name, [known]), None, "{name}");
         }
@@ -164,7 +170,7 @@ mod tests {
             assert_eq!(nearest(name, [known]), Some(known), "{name}");
         }
         let twice = nearest_label("axis", "zzz", ["seed", "env", "seed", "env"]);
-        assert_eq!(twice.as_deref(), Some("known are `seed` and `env`"));
+        assert_eq!(twice.as_deref(), Some("the known ones are `seed` and `env`"));
     }
 
     #[test]
@@ -172,7 +178,7 @@ mod tests {
         let (_, label) = plain("unknown variant `demos`, expected `demo_states` or `rollout`");
         assert_eq!(label, None);
         let (message, label) = plain("unknown variant `demo_state`, expected `demo_states` or `rollout`");
-        assert_eq!(message, "unknown name `demo_state`; known are `demo_states` and `rollout`");
+        assert_eq!(message, "unknown name `demo_state`; the known ones are `demo_states` and `rollout`");
         assert_eq!(label.as_deref(), Some("the nearest known name is `demo_states`"));
         let (message, label) = plain("invalid type: floating point `2.5`, expected i64");
         assert_eq!(message, "2.5 does not belong here");
@@ -181,7 +187,7 @@ mod tests {
         assert_eq!(label.as_deref(), Some("expected a whole number, such as 100000"));
         let (message, label) = plain("invalid type: integer `99999999999999999999` as i128, expected i64");
         assert_eq!(message, "99999999999999999999 is out of range");
-        assert_eq!(label.as_deref(), Some("expected a whole number of 64 bits"));
+        assert_eq!(label.as_deref(), Some("expected a whole number that fits in 64 bits"));
         let (_, label) = plain("unexpected keys in table: distanc, available keys: distance, mode");
         assert_eq!(label.as_deref(), Some("the nearest known key is `distance`"));
         let (message, label) = plain("-1 is out of range; expected a finite number above 0");

@@ -7,7 +7,7 @@ use crate::{env::EnvId, env::Reward, quantity::constant};
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ResolveError {
     /// Nothing says how long the run is.
-    #[error("no budget.env_steps for {env}: how long a run is has no default")]
+    #[error("no budget.env_steps for {env}: the length of a run has no default")]
     NoBudget {
         /// The environment.
         env: EnvId,

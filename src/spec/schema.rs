@@ -33,10 +33,10 @@ pub fn schema() -> Value {
     let mut file = settings;
     let text = |description: &str| json!({ "type": "string", "description": description });
     file.insert("name".into(), name("Name of the experiment, and of its folder under the results"));
-    file.insert("description".into(), text("A sentence for people"));
+    file.insert("description".into(), text("A sentence for readers"));
     file.insert(
         "extends".into(),
-        text("A weaker file, relative to this one, whose keys hold where this one is silent"),
+        text("A weaker file, relative to this one, whose keys apply where this one is silent"),
     );
     file.insert("matrix".into(), list("Blocks; every combination of a block's lists is one run", block()));
     file.insert("algorithms".into(), algorithms);

@@ -36,7 +36,7 @@ pub struct Settings {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Budget {
-    /// Steps in the environments, over all of a run; required.
+    /// Steps in the environments, over the whole run; required.
     pub env_steps: EnvSteps,
 }
 
@@ -58,7 +58,7 @@ pub struct Evaluation {
     /// Environment steps of training between two evaluations; the last policy is evaluated in any case. Default
     /// 20,000, but no less than ten times the steps that one evaluation can take.
     pub every: EnvSteps,
-    /// Episodes of each evaluation under way. Default 2.
+    /// Episodes of each evaluation during training. Default 2.
     pub episodes: Count,
     /// Episodes of the evaluation at the end of training. Default 50, as in the paper.
     pub final_episodes: Count,

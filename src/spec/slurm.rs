@@ -30,7 +30,8 @@ pub struct Slurm {
     /// Runs of an element. Default 1.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub pack: Option<Count>,
-    /// Seconds before the time limit at which runs write a checkpoint and leave, to resume in another element. Default 120.
+    /// Seconds before the time limit at which runs write a checkpoint and stop, to resume when the element is started again.
+    /// Default 120.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub grace: Option<Count>,
     /// Other options of `sbatch`, such as `["--constraint=avx512", "--exclusive"]`.
@@ -108,7 +109,7 @@ text! {
 
 text! {
     /// A time limit as Slurm writes it.
-    Time, is_time, "a time of Slurm's such as 90 (minutes), 4:00:00 or 2-12:00:00"
+    Time, is_time, "a time as Slurm writes it, such as 90 (minutes), 4:00:00 or 2-12:00:00"
 }
 
 text! {

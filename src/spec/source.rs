@@ -92,7 +92,10 @@ impl Layer {
                 Some((message, _))
                     if starts_line && (message.starts_with("missing comma between array") || is_key(message)) =>
                 {
-                    ("the list above does not end".to_owned(), Some("expected `]` before this line, or `,`".to_owned()))
+                    (
+                        "the list above is not closed".to_owned(),
+                        Some("expected `]` before this line, or `,`".to_owned()),
+                    )
                 }
                 Some((message, expected)) => (message.to_owned(), Some(format!("expected {expected}"))),
                 None => (error.message().to_owned(), None),
@@ -191,7 +194,7 @@ pub(super) fn files(path: &Path, text: Option<&str>) -> (Vec<Layer>, Vec<SpecErr
             match read(&base) {
                 Err(reason) => errors.push(refuse(format!("cannot extend {}: {reason}", base.display()))),
                 Ok(_) if base.canonicalize().is_ok_and(|base| seen.contains(&base)) => {
-                    errors.push(refuse(format!("{} extends itself, in the end", base.display())));
+                    errors.push(refuse(format!("{} ends up extending itself", base.display())));
                 }
                 Ok(text) => next = Some(Layer::file(&base, &text)),
             }
@@ -357,7 +360,7 @@ pub(super) fn axis_lists(overrides: &Overrides) -> (Vec<AxisList>, Vec<SpecError
     (lists, errors)
 }
 
-/// `values` as a TOML list: as it stands between brackets, or else with every value that is none in TOML as a string.
+/// `values` as a TOML list: as it stands between brackets, or else with every value that is not valid TOML as a string.
 fn list(values: &str) -> String {
     let whole = format!("[{values}]");
     if DeValue::parse(&whole).is_ok() {

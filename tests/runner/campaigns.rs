@@ -205,7 +205,7 @@ fn a_name_that_reports_have_of_their_own_is_refused() {
         let table = format!("[[tables]]\nname = '{name}'\ntitle = 't'\nrows = ['env']\ncolumns = 'algorithm'\n");
         fs::write(bench.path("named.toml"), matrix.clone() + &table).expect("written");
         let (_, stderr) = bench.expect(2, &["plan", "named.toml"]);
-        assert!(stderr.contains("is the name of a file that every report has of its own"), "{stderr}");
+        assert!(stderr.contains("is the name of one of the report's own files"), "{stderr}");
     }
 }
 

@@ -151,7 +151,7 @@ fn other_settings_of_evaluation_leave_a_run_as_it_is_and_are_told() {
     let expected = "its evaluations differ in evaluation.every: 4096 -> 1024, evaluation.final_episodes: 2 -> 9";
     assert!(stdout.contains(expected), "{stdout}");
     let (stdout, _) = bench.expect(0, &[&["status"][..], &other].concat());
-    assert!(stdout.contains("1 finished under other settings of evaluation"), "{stdout}");
+    assert!(stdout.contains("1 finished with other evaluation settings"), "{stdout}");
     // Made longer, it goes on being evaluated when it was; at its end as is asked for now.
     let longer = [&other[..], &["--set", "budget.env_steps=16384"]].concat();
     bench.expect(0, &longer);

@@ -116,8 +116,8 @@ fn runs_that_are_missing_failed_or_too_many_are_differences() {
     let aside = bench.path("record/runs/InvertedPendulum-v2/ppo/seed-7");
     fs::rename(&folder, &aside).expect("renamed");
     let (stdout, _) = bench.expect(4, &VERIFY);
-    assert!(stdout.starts_with(&format!("{PENDULUM}: nothing is recorded of it\n")), "{stdout}");
-    assert!(stdout.contains("ppo/seed-7: recorded, and no run of tiny.toml"), "{stdout}");
+    assert!(stdout.starts_with(&format!("{PENDULUM}: nothing is recorded for it\n")), "{stdout}");
+    assert!(stdout.contains("ppo/seed-7: recorded, but no run of tiny.toml"), "{stdout}");
     fs::rename(&aside, &folder).expect("renamed");
     let output = bench.program(&VERIFY).env("MCPO_ALGORITHMS__PPO__CLIP", "0.3").output().expect("it starts");
     let (stdout, _) = texts(&output, 4, &VERIFY);

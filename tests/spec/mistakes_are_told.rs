@@ -28,8 +28,8 @@ pub const MISTAKES: &[(&str, &[Told])] = &[
     ("axis_without_quotes", &[(10, 1, "unknown axis `mcpo`", "`\"mcpo.max_kl\" = [...]`")]),
     ("bad_syntax", &[(4, 13, "a value is missing", "expected a value"), (10, 20, "unclosed array", "expected `]`")]),
     ("budget_below_one_rollout", &[(4, 13, "1000 is smaller than one rollout", "at least one rollout")]),
-    ("claim_of_a_demonstrations_column", &[(15, 8, "a demonstration has a return, and no `mmd`", "")]),
-    ("claim_of_an_unknown_kind", &[(14, 8, "unknown name `better`; known are `above`", "")]),
+    ("claim_of_a_demonstrations_column", &[(15, 8, "a demonstration has a return, but no `mmd`", "")]),
+    ("claim_of_an_unknown_kind", &[(14, 8, "unknown name `better`; the known ones are `above`", "")]),
     ("claim_of_likeness_without_a_margin", &[(11, 1, "`like` needs a `margin`", "above 0")]),
     ("claim_of_nothing", &[(11, 1, "this claim has no `of`", "")]),
     (
@@ -41,11 +41,11 @@ pub const MISTAKES: &[(&str, &[Told])] = &[
     (
         "claim_that_is_kept_than",
         &[
-            (15, 10, "`than` says nothing of a constraint that is kept", ""),
+            (15, 10, "`than` means nothing for a constraint that is kept", ""),
             (16, 10, "`share`: 1.5 is out of range", "a number from 0 to 1"),
         ],
     ),
-    ("claim_with_a_margin_that_is_none", &[(16, 10, "`margin` is no finite number", "")]),
+    ("claim_with_a_margin_that_is_none", &[(16, 10, "`margin` is not a finite number", "")]),
     ("claim_with_an_unknown_key", &[(16, 1, "unknown key `margn` of a claim", "`margin`")]),
     ("claim_without_the_other_side", &[(11, 1, "this claim has no `than`", "`demonstration`")]),
     ("column_that_is_a_list", &[(15, 11, "`columns`: a list does not belong here", "expected a string")]),
@@ -75,7 +75,7 @@ pub const MISTAKES: &[(&str, &[Told])] = &[
     ("figure_with_an_unknown_key", &[(16, 1, "unknown key `logy`", "`log_y`")]),
     ("figure_without_y", &[(11, 1, "this figure has no `y`", "")]),
     ("hidden_name", &[(1, 8, "`.broken` cannot name a file", "not starting with `.`")]),
-    ("key_of_another_algorithm", &[(12, 1, "unknown key `clip` of `mcpo`", "known are `")]),
+    ("key_of_another_algorithm", &[(12, 1, "unknown key `clip` of `mcpo`", "the known ones are `")]),
     ("list_for_a_table", &[(3, 1, "`budget` cannot be a list", "")]),
     (
         "many_mistakes",
@@ -92,8 +92,8 @@ pub const MISTAKES: &[(&str, &[Told])] = &[
     ),
     ("matrix_that_is_a_table", &[(6, 1, "`matrix` cannot be a table", "each headed `[[matrix]]`")]),
     ("minibatch_above_the_rollout", &[(12, 9, "minibatch 128 is larger than the rollout", "no larger")]),
-    ("missing_bracket", &[(8, 1, "the list above does not end", "`]` before this line")]),
-    ("missing_bracket_after_a_comma", &[(8, 1, "the list above does not end", "`]` before this line")]),
+    ("missing_bracket", &[(8, 1, "the list above is not closed", "`]` before this line")]),
+    ("missing_bracket_after_a_comma", &[(8, 1, "the list above is not closed", "`]` before this line")]),
     ("missing_budget", &[(1, 1, "no budget.env_steps for Hopper-v2", "`[budget]`")]),
     ("missing_matrix", &[(1, 1, "`matrix` is missing", "`[[matrix]]`")]),
     ("missing_name", &[(1, 1, "`name` is missing", "`name = \"...\"`")]),
@@ -102,7 +102,7 @@ pub const MISTAKES: &[(&str, &[Told])] = &[
     (
         "names_of_other_files",
         &[
-            (12, 10, "`README` is the name of a file that every report has of its own", ""),
+            (12, 10, "`README` is the name of one of the report's own files", ""),
             (18, 11, "`Claims` is the name of a file", "another name"),
             (24, 11, "`returns-seeds` is the name of a file", ""),
             (30, 11, "`return-curves` is the name of a file", ""),
@@ -111,13 +111,16 @@ pub const MISTAKES: &[(&str, &[Told])] = &[
     ("negative_budget", &[(4, 13, "-100000 is out of range", "a whole number, 1 or above")]),
     ("negative_seed", &[(7, 17, "the seed -1 is out of range", "0 or above")]),
     ("nothing", &[(1, 1, "`name` is missing", "`name = "), (1, 1, "`matrix` is missing", "`[[matrix]]`")]),
-    ("number_beyond_64_bits", &[(4, 13, "99999999999999999999 is out of range", "a whole number of 64 bits")]),
+    (
+        "number_beyond_64_bits",
+        &[(4, 13, "99999999999999999999 is out of range", "a whole number that fits in 64 bits")],
+    ),
     ("number_that_is_none", &[(12, 10, "`max_kl`: NaN is out of range", "a finite number above 0")]),
     ("number_with_a_point", &[(4, 13, "100000.0 does not belong here", "such as 100000")]),
     ("out_of_range", &[(12, 12, "`discount`: 1 is out of range", "from 0 to below 1")]),
     ("out_of_range_inside_a_choice", &[(12, 35, "-1 is out of range", "above 0")]),
     ("reward_of_another_environment", &[(12, 10, "`sparse1` is not a reward", "`dense` or `sparse2`")]),
-    ("reward_of_two_kinds", &[(12, 10, "this table does not hold one choice", "a table with one name")]),
+    ("reward_of_two_kinds", &[(12, 10, "this table does not hold exactly one choice", "a table with one name")]),
     ("reward_that_is_a_number", &[(12, 10, "this is neither a name nor a table", "expected a name")]),
     ("rollout_that_does_not_divide", &[(12, 9, "4096 cannot be shared among rollout.environments 7", "a multiple")]),
     ("seed_beyond_64_bits", &[(7, 9, "the seed 18446744073709551616 is out of range", "0 or above")]),
@@ -130,7 +133,7 @@ pub const MISTAKES: &[(&str, &[Told])] = &[
         "two_claims_of_one_name",
         &[
             (18, 9, "two claims are called `MCPO is better`", ""),
-            (22, 9, "`share` is of a constraint that is `kept`", ""),
+            (22, 9, "`share` is only for a constraint that is `kept`", ""),
         ],
     ),
     ("two_figures_of_one_name", &[(18, 10, "two figures are called `figure`", "")]),
@@ -140,7 +143,7 @@ pub const MISTAKES: &[(&str, &[Told])] = &[
     ("unknown_block_key", &[(10, 1, "unknown axis `sed`", "`seed`")]),
     (
         "unknown_enum_value",
-        &[(12, 11, "unknown name `demo_state`; known are `demo_states` and `rollout`", "`demo_states`")],
+        &[(12, 11, "unknown name `demo_state`; the known ones are `demo_states` and `rollout`", "`demo_states`")],
     ),
     ("unknown_environment", &[(8, 14, "unknown environment `Hoper-v2`", "`Hopper-v2`")]),
     ("unknown_environment_key", &[(12, 1, "unknown key `rewards` of Hopper-v2", "`reward`")]),
@@ -148,7 +151,10 @@ pub const MISTAKES: &[(&str, &[Told])] = &[
     ("unknown_hyperparameter", &[(12, 1, "unknown key `max_klp` of `mcpo`", "`max_kl`")]),
     ("unknown_nested_hyperparameter", &[(12, 1, "unknown key `sample` in `mmd`", "`samples`")]),
     ("unknown_reward", &[(12, 12, "unknown name `sparse4`", "`sparse1`")]),
-    ("unknown_reward_field", &[(12, 24, "unknown key `distanc`; known are `distance` and `mode`", "`distance`")]),
+    (
+        "unknown_reward_field",
+        &[(12, 24, "unknown key `distanc`; the known ones are `distance` and `mode`", "`distance`")],
+    ),
     ("unknown_root_key", &[(3, 2, "unknown key `bugdet`", "`budget`")]),
     ("unknown_section_key", &[(4, 1, "unknown key `env_step` in `budget`", "`env_steps`")]),
     ("windows_line_ends", &[(12, 1, "unknown key `max_klp` of `mcpo`", "`max_kl`")]),
@@ -305,7 +311,7 @@ fn a_matrix_of_too_many_runs_is_refused_at_once() {
     let text =
         format!("{LEAST}d = [{0}]\nepsilon = [{0}]\n\"mcpo.damping\" = [{0}]\n\"mcpo.max_kl\" = [{0}]\n", values(300));
     let errors = parse(&text).expect_err("a slip of the pen");
-    assert!(errors.iter().any(|error| error.message.contains("are the most")), "{errors}");
+    assert!(errors.iter().any(|error| error.message.contains("are allowed")), "{errors}");
 }
 
 proptest! {

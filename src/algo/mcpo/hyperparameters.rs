@@ -12,7 +12,7 @@ use crate::{
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Hyperparameters {
-    /// The tolerance d on MMD^2 at the first iteration: a number, or a share of what doing nothing has.
+    /// The tolerance d on MMD^2 at the first iteration: a number, or a share of the MMD^2 of doing nothing.
     pub d: Tolerance,
     /// The annealing factor: `d_k+1 = d_k (1 + epsilon)`.
     pub epsilon: NonNegative,
@@ -25,9 +25,9 @@ pub struct Hyperparameters {
     pub max_kl: Positive,
     /// Added to the Fisher matrix's diagonal.
     pub damping: NonNegative,
-    /// Conjugate gradient's products, at most, for each of g and b.
+    /// Products of conjugate gradient, at most, for each of g and b.
     pub cg_iterations: Count,
-    /// Samples of the batch that make the Fisher matrix, at most; evenly spaced.
+    /// The most samples of the batch, evenly spaced, that make the Fisher matrix.
     pub fisher_samples: Count,
     /// Discount gamma.
     pub discount: Discount,
@@ -43,7 +43,7 @@ pub struct Hyperparameters {
     pub minibatch: Count,
     /// Steps that the line search tries, each half the one before.
     pub line_search_steps: Count,
-    /// Times that a trial whose D exceeds what is allowed is moved back before the step is halved (`samples =
+    /// How many times a trial whose D exceeds the bound is moved back before the step is halved (`samples =
     /// "demo_states"`).
     pub max_corrections: CountOrNone,
     /// Adam steps of one recovery, at most (`samples = "demo_states"`).

@@ -33,7 +33,7 @@ pub struct CollectArguments {
     /// The folder that the demonstrations are written to, as ENV.parquet
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Replace demonstrations that exist already
+    /// Replace demonstrations that already exist
     #[arg(long)]
     force: bool,
     /// Initial states that each policy is tried from

@@ -19,7 +19,7 @@ pub struct ImportArguments {
     /// The demonstration to write
     #[arg(long, value_name = "DEMO.parquet")]
     out: PathBuf,
-    /// Replace the demonstration if it exists already
+    /// Replace the demonstration if it already exists
     #[arg(long)]
     force: bool,
 }

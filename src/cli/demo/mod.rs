@@ -18,26 +18,26 @@ use crate::{
 /// What to do with demonstrations.
 #[derive(Debug, clap::Subcommand)]
 pub enum DemoCommand {
-    /// Take demonstrations from the policies that runs kept on the way
+    /// Take demonstrations from the policies that runs kept during training
     ///
     /// For each environment, plays the kept policies' mean actions from a few initial states, and writes one episode as that
     /// environment's demonstration: of those whose dense return is within 1 % of the paper's, and whose policy's mean return is
     /// within 20 % of it, the one whose length, rms of actions and MMD^2 to doing nothing are the most like those of the
-    /// authors' demonstration. Where no policy is so, the one whose mean is nearest; where no return is within 1 %, or a
-    /// return is asked for, the nearest return.
+    /// authors' demonstration. Where no policy's mean is that near, the one whose policy's mean is nearest; where no return is
+    /// within 1 %, or a return is asked for, the one with the nearest return.
     Collect(collect::CollectArguments),
     /// Read a demonstration from elsewhere and write it in this program's format
     ///
     /// The file may be a pickle of the authors' code (compressed by bzip2 or not), Parquet, or .npz with arrays such as
-    /// observations and actions. Prints its length, its return as far as observations and actions tell, and what was
-    /// lost. Nothing that the file says is run.
+    /// observations and actions. Prints its length, its return as far as observations and actions give it, and what was
+    /// lost. No code in the file is run.
     Import(import::ImportArguments),
     /// Replay a demonstration and compare
     ///
     /// Puts the environment into each episode's first pose, takes the recorded actions, and prints the greatest
     /// deviations of observation, reward and end. Exits with 4 where one is over the tolerance.
     Verify(verify::VerifyArguments),
-    /// Print a demonstration's facts, and draw its returns and actions; of several, print a table
+    /// Print a demonstration's facts, and draw its returns and actions; for several, print a table
     ///
     /// Beside length and return: the rms of the actions, and MMD^2 to the policy that does nothing, by which a tolerance d
     /// can be chosen.

@@ -16,7 +16,7 @@ use crate::{
 /// Which files.
 #[derive(Debug, clap::Args)]
 pub struct ShowArguments {
-    /// The demonstrations (*.parquet); of several, one line each
+    /// The demonstrations (*.parquet); for several, one line each
     #[arg(required = true)]
     files: Vec<PathBuf>,
     /// Draw returns and actions over the steps into this file

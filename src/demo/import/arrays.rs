@@ -125,7 +125,7 @@ pub(super) fn assemble<'n>(
         return Err("it has no steps".into());
     }
     if n > MAX_STEPS {
-        return Err(format!("it has {n} steps; {MAX_STEPS} are the most"));
+        return Err(format!("it has {n} steps; at most {MAX_STEPS} are read"));
     }
     let mut episodes = Episodes::of(&mut arrays, n, env.max_steps())?;
     let mut after_last = false;
@@ -192,7 +192,7 @@ pub(super) fn assemble<'n>(
         infer_ends(&mut demonstration, env, &mut losses);
     }
     if !are_told {
-        warnings.push(format!("nothing says where episodes begin; all {n} steps are taken as one"));
+        warnings.push(format!("nothing says where episodes begin; all {n} steps are taken as one episode"));
     }
     let unused = arrays.unused(names);
     if !unused.is_empty() {

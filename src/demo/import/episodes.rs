@@ -108,7 +108,7 @@ impl Episodes {
             && returns.rows() != episodes.starts.len()
         {
             let (told, found) = (returns.rows(), episodes.starts.len());
-            return Err(format!("`{name}` tells of {told} episodes, but its arrays hold {found}"));
+            return Err(format!("`{name}` says {told} episodes, but the arrays hold {found}"));
         }
         Ok(episodes)
     }
@@ -197,7 +197,7 @@ fn changes(name: &str, numbers: &[f64]) -> Result<Vec<usize>, String> {
             continue;
         }
         if !seen.insert(number.to_bits()) {
-            return Err(format!("`{name}` {number} comes again in row {row}; an episode's steps must stand together"));
+            return Err(format!("`{name}` {number} appears again in row {row}; an episode's steps must be together"));
         }
         starts.push(row);
     }

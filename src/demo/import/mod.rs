@@ -65,7 +65,7 @@ pub fn import(path: &Path, env: EnvId) -> Result<Imported, DemoError> {
     let failed = |source| DemoError::Environment { path: path.to_owned(), source };
     if motion::mover(demonstration, env).map_err(failed)? == Mover::Unknown {
         warnings.push(format!(
-            "its observations do not move as those of {env} do: they may be scaled, or of another robot"
+            "its observations do not move like those of {env}: they may be scaled, or from another robot"
         ));
     } else {
         warnings.extend(jump(&motion::jumps(demonstration, env).map_err(failed)?));
@@ -83,10 +83,10 @@ pub fn import(path: &Path, env: EnvId) -> Result<Imported, DemoError> {
 /// What to say of a file whose `label` is not quite that of `env`.
 fn of_another_version(label: &str, env: EnvId) -> Option<String> {
     let Some((_, version)) = EnvId::of_label(label) else {
-        return Some(format!("the file says that it is of `{}`, which is not known", label.escape_debug()));
+        return Some(format!("the file says that it is from `{}`, which is not known", label.escape_debug()));
     };
     let difference = env.differs_in(version?)?;
-    Some(format!("the file says that it is of `{}`: {difference}", label.escape_debug()))
+    Some(format!("the file says that it is from `{}`: {difference}", label.escape_debug()))
 }
 
 /// What to say of an episode that is longer than `env` allows.
@@ -94,7 +94,7 @@ fn too_long(demonstration: &Demonstration, env: EnvId) -> Option<String> {
     let (limit, mut lengths) = (env.max_steps(), demonstration.episodes().map(|steps| steps.len()));
     let (episode, length) = lengths.by_ref().enumerate().find(|(_, length)| *length as u64 > limit)?;
     Some(format!(
-        "episode {episode} has {length} steps, and {limit} are the most; the file does not say where its episodes end, or in words that are not known"
+        "episode {episode} has {length} steps, and at most {limit} are possible; the file does not say where its episodes end, or does so under an unknown name"
     ))
 }
 
@@ -112,7 +112,7 @@ fn jump(steps: &[usize]) -> Option<String> {
 fn from_bytes(file: Vec<u8>, env: EnvId) -> Result<Imported, String> {
     if file.starts_with(b"BZh") {
         let unfolded = unfold(bzip2::read::MultiBzDecoder::new(file.as_slice()))
-            .map_err(|reason| format!("it is damaged where it was compressed by bzip2: {reason}"))?;
+            .map_err(|reason| format!("its bzip2 compression is damaged: {reason}"))?;
         rlframe::read(&unfolded, env)
     } else if file.starts_with(b"\x80") {
         rlframe::read(&file, env)
@@ -130,7 +130,7 @@ fn unfold(reader: impl Read) -> Result<Vec<u8>, String> {
     let mut bytes = Vec::new();
     reader.take(MAX_UNFOLDED as u64 + 1).read_to_end(&mut bytes).map_err(|error| error.to_string())?;
     if bytes.len() > MAX_UNFOLDED {
-        return Err(format!("it unfolds to more than {} MiB", MAX_UNFOLDED >> 20));
+        return Err(format!("it unpacks to more than {} MiB", MAX_UNFOLDED >> 20));
     }
     Ok(bytes)
 }
@@ -143,7 +143,7 @@ fn infer_ends(demonstration: &mut Demonstration, env: EnvId, losses: &mut Vec<St
         (demonstration.terminated[last], demonstration.truncated[last]) = (!whole, whole);
     }
     losses.push(format!(
-        "how episodes ended is not recorded; shorter than {} steps is taken as terminated",
+        "how episodes ended is not recorded; those shorter than {} steps are taken as terminated",
         env.max_steps()
     ));
 }

@@ -82,7 +82,7 @@ fn unfolded(file: &[u8], member: Member) -> Result<Vec<u8>, String> {
     match member.method {
         0 => unfold(stored),
         8 => unfold(flate2::read::DeflateDecoder::new(stored)),
-        other => Err(format!("is compressed by ZIP's method {other}; stored and deflated are read")),
+        other => Err(format!("is compressed with ZIP's method {other}; only stored and deflated are read")),
     }
     .map_err(|reason| format!("cannot be unpacked: {reason}"))
 }
@@ -100,7 +100,7 @@ fn array(bytes: &[u8]) -> Result<Array, String> {
         let (header, data) = rest.split_at_checked(length)?;
         Some((std::str::from_utf8(header).ok()?, data))
     };
-    let (header, data) = split().ok_or("is no .npy array")?;
+    let (header, data) = split().ok_or("is not an .npy array")?;
     // {'descr': '<f8', 'fortran_order': False, 'shape': (3, 4), }
     let after = |key: &str| header.split_once(key).map(|(_, rest)| rest.trim_start_matches([':', ' ', '\'']));
     let dtype = after("'descr'").and_then(|rest| rest.split('\'').next()).ok_or("has no type")?;
@@ -109,7 +109,7 @@ fn array(bytes: &[u8]) -> Result<Array, String> {
     let shape = shape.split(',').map(str::trim).filter(|length| !length.is_empty());
     let shape: Vec<usize> = shape.map(|n| n.parse().map_err(|_| "has no shape")).collect::<Result<_, _>>()?;
     if fortran && shape.len() > 1 {
-        return Err("is in Fortran's order; C's is read".into());
+        return Err("is in Fortran order; only C order is read".into());
     }
     let size = shape.iter().try_fold(1usize, |size, &length| size.checked_mul(length));
     let size = size.filter(|&size| size <= MAX_NUMBERS).ok_or_else(|| format!("has the shape {shape:?}, too large"))?;

@@ -225,7 +225,7 @@ impl<'a> Machine<'a> {
 
     /// What was pushed since the last mark.
     fn pop_marked(&mut self) -> Result<Vec<Id>, String> {
-        let mark = self.marks.pop().ok_or("the pickle misses a mark")?;
+        let mark = self.marks.pop().ok_or("the pickle lacks a mark")?;
         Ok(self.stack.split_off(mark.min(self.stack.len())))
     }
 

@@ -42,7 +42,7 @@ pub(super) fn read(bytes: &[u8], env: EnvId) -> Result<Imported, String> {
             // One step may stand in a list many times: what it unfolds to is not bounded by the file's length.
             looked_at += entries.len() + state_dim.unwrap_or(0) + action_dim.unwrap_or(0);
             if looked_at > MAX_NUMBERS {
-                return Err(format!("the pickle's steps unfold to more than {MAX_NUMBERS} numbers"));
+                return Err(format!("the pickle's steps unpack to more than {MAX_NUMBERS} numbers"));
             }
             for (key, numbers, dim) in [("s", &mut states, &mut state_dim), ("a", &mut actions, &mut action_dim)] {
                 let found = pickle.entry(step, key).and_then(|object| pickle.numbers(object));

@@ -88,7 +88,7 @@ fn a_bomb_is_refused() {
     part.write_all(&vec![0; 1 << 24]).expect("in memory");
     let bomb = part.finish().expect("in memory").repeat((MAX_UNFOLDED >> 24) + 1);
     assert!(bomb.len() < 1 << 16);
-    assert!(refusal(&bomb).contains("unfolds to more"));
+    assert!(refusal(&bomb).contains("unpacks to more"));
 }
 
 /// A step whose state is the array under the memo's key 1, so that it can be made long and recalled often.
@@ -115,7 +115,7 @@ fn what_a_short_pickle_unfolds_to_is_bounded() {
     assert!(refusal(&sane).contains("an action has 4 numbers"));
     // One step of 200,000 numbers, a thousand times; a truth value a byte, 1 GiB and more when widened.
     let long = pickle_of_arrays(b"J\x40\x0d\x03\x00\x85", b"f4", &[0; 800_000], &b"h\x02".repeat(1000));
-    assert!(refusal(&long).contains("unfold to more"));
+    assert!(refusal(&long).contains("unpack to more"));
     let shape = [b"J".as_slice(), &(MAX_NUMBERS as u32 + 1).to_le_bytes(), b"\x85"].concat();
     let wide = pickle_of_arrays(&shape, b"b1", &vec![0; MAX_NUMBERS + 1], b"");
     assert!(refusal(&wide).contains("no array of numbers `s`"));
@@ -180,7 +180,7 @@ fn hostile_archives_are_refused_by_what_is_wrong_with_them() {
     refused(&npy("'<f8'", false, "(1, 1)", &[0; 7]), "numbers are needed");
     refused(&npy("'<f8'", false, "(4294967296, 4294967296)", &[]), "too large");
     refused(&npy("'<f8'", false, "(-1, 1)", &[0; 8]), "has no shape");
-    refused(b"\x80\x03]q\x00.", "is no .npy array");
+    refused(b"\x80\x03]q\x00.", "is not an .npy array");
     // As many rows as memory would not hold, of no numbers.
     refused(&npy("'<f8'", false, "(1000000000000000, 0)", &[]), "no steps");
     let poses = npy("'<f8'", false, "(1000000000000000, 0)", &[]);
@@ -190,7 +190,7 @@ fn hostile_archives_are_refused_by_what_is_wrong_with_them() {
     refusal(&archive(&members));
     // 300 MiB of zeros in 300 kB.
     let bomb = with(&npy("'|u1'", false, "(314572800, 1)", &vec![0; 300 << 20]));
-    assert!(bomb.len() < 1 << 20 && refusal(&bomb).contains("unfolds to more"));
+    assert!(bomb.len() < 1 << 20 && refusal(&bomb).contains("unpacks to more"));
     // Bytes that come highest first are numbers too.
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("big.npz");
@@ -386,7 +386,7 @@ fn episodes_are_found_by_every_name_that_marks_them() {
     }
     let imported = six_steps(&[("infos", vec![0.0; 6]), ("obs_mean", vec![0.0])]).expect("nothing is told");
     assert_eq!(imported.demonstration.episode_starts, [0]);
-    assert_eq!(imported.warnings, ["nothing says where episodes begin; all 6 steps are taken as one"]);
+    assert_eq!(imported.warnings, ["nothing says where episodes begin; all 6 steps are taken as one episode"]);
     assert!(imported.losses.contains(&"not used: infos, obs_mean".to_owned()), "{:?}", imported.losses);
 }
 
@@ -404,14 +404,11 @@ fn what_two_arrays_say_of_episodes_must_agree() {
         &[starts(), ("episode_index", vec![0.0, 0.0, 0.0, 1.0, 1.0, 1.0])],
         "`episode_starts` begins an episode in row 2, where `episode_index` does not",
     );
-    refused(&[starts(), ("dones", marks(&[3]))], "row 3 ends its episode, but row 4 goes on");
-    refused(
-        &[starts(), ("episode_returns", vec![1.0; 3])],
-        "`episode_returns` tells of 3 episodes, but its arrays hold 2",
-    );
+    refused(&[starts(), ("dones", marks(&[3]))], "row 3 ends its episode, but row 4 continues");
+    refused(&[starts(), ("episode_returns", vec![1.0; 3])], "`episode_returns` says 3 episodes, but the arrays hold 2");
     refused(&[("step", vec![0.0, 1.0, 3.0, 4.0, 5.0, 6.0])], "`step` is 3 in row 2; expected 2, or 0 again");
     refused(&[("step", vec![0.0, 2.0, 1.0, 3.0, 4.0, 5.0])], "`step` is 2 in row 1; expected 1");
-    refused(&[("episode", vec![0.0, 0.0, 1.0, 1.0, 0.0, 0.0])], "`episode` 0 comes again in row 4");
+    refused(&[("episode", vec![0.0, 0.0, 1.0, 1.0, 0.0, 0.0])], "`episode` 0 appears again in row 4");
     refused(&[("indices", vec![2.5])], "`indices` do not rise");
     refused(&[("indices", vec![f64::NAN])], "`indices` do not rise");
     refused(&[("episode_starts", vec![1.0; 5])], "`episode_starts` has 5 numbers for 6 actions");
@@ -472,7 +469,7 @@ fn an_episode_longer_than_any_is_refused() {
         let members: [(&str, &[usize], Vec<f64>); 2] =
             [("observations", &[n, width], vec![0.1; n * width]), ("actions", &[n, actions], vec![0.0; n * actions])];
         let message = import_bytes(&arrays(&members), env).expect_err("too long").to_string();
-        assert!(message.contains(&format!("episode 0 has {n} steps, and {} are the most", n - 1)), "{message}");
+        assert!(message.contains(&format!("episode 0 has {n} steps, and at most {} are possible", n - 1)), "{message}");
     }
 }
 
@@ -504,7 +501,7 @@ fn another_robot_of_the_same_shape_is_refused_by_its_motion() {
     let cheetah = pooled(EnvId::HalfCheetah, 0..300);
     let message = import_bytes(&cheetah, EnvId::Walker2d).expect_err("a cheetah").to_string();
     assert!(
-        message.contains("does not fit Walker2d-v2: its observations move as those of HalfCheetah-v2 do"),
+        message.contains("does not fit Walker2d-v2: its observations move like those of HalfCheetah-v2"),
         "{message}"
     );
     assert_eq!(import_bytes(&cheetah, EnvId::HalfCheetah).expect("its own").warnings.len(), 1); // no marks of episodes
@@ -522,7 +519,7 @@ fn a_label_of_another_environment_or_version_is_told() {
     };
     for label in ["Hopper-v2", "walker2d-expert-v2", "InvertedDoublePendulum-v4"] {
         let message = with(label).expect_err(label).to_string();
-        assert!(message.contains(&format!("the file says that it is of {label}")), "{message}");
+        assert!(message.contains(&format!("the file says that it is from {label}")), "{message}");
     }
     assert_eq!(with("InvertedPendulum-v4").expect("the same numbers").warnings, Vec::<String>::new());
     let warnings = with("InvertedPendulum-v5").expect("nearly the same").warnings;

@@ -32,7 +32,7 @@ impl Checker<'_> {
             }
             ("on", _) => self.known("column", value, &figure::columns()),
             ("margin", _) if number(value).is_some_and(|margin| !margin.is_finite()) => {
-                self.wrong(value.span(), "`margin` is no finite number", None);
+                self.wrong(value.span(), "`margin` is not a finite number", None);
             }
             _ => {}
         }
@@ -45,12 +45,12 @@ impl Checker<'_> {
         match text("is") {
             Some("kept") => {
                 for key in OF_COMPARISONS.into_iter().filter(|key| claim.contains_key(*key)) {
-                    self.note(place(key), format!("`{key}` says nothing of a constraint that is kept"), None);
+                    self.note(place(key), format!("`{key}` means nothing for a constraint that is kept"), None);
                 }
             }
             Some("above" | "below" | "like") => {
                 if claim.contains_key("share") {
-                    self.note(place("share"), "`share` is of a constraint that is `kept`", None);
+                    self.note(place("share"), "`share` is only for a constraint that is `kept`", None);
                 }
                 if !claim.contains_key("than") {
                     let label = "expected runs such as `algorithm=ppo`, or `demonstration`".to_owned();
@@ -66,7 +66,7 @@ impl Checker<'_> {
         }
         let on = text("on").unwrap_or(Claim::RETURN);
         if text("than") == Some(Claim::DEMONSTRATION) && on != Claim::RETURN {
-            self.note(place("than"), format!("a demonstration has a return, and no `{on}`"), None);
+            self.note(place("than"), format!("a demonstration has a return, but no `{on}`"), None);
         }
     }
 }

@@ -151,7 +151,7 @@ impl Checker<'_> {
             (Some(toml::Value::Integer(seed)), _) if seed >= 0 => Some(seed.to_string()),
             (_, Some(seed)) => {
                 let message = format!("the seed {} is out of range", seed.as_str());
-                self.wrong(element.span(), message, Some(format!("expected {expected}, of 64 bits")));
+                self.wrong(element.span(), message, Some(format!("expected {expected}, that fits in 64 bits")));
                 None
             }
             _ => {

@@ -177,7 +177,7 @@ impl<'a> Checker<'a> {
             Some(name) => self.wrong(
                 value.span(),
                 format!("`{}` cannot name a file", name.escape_debug()),
-                Some("expected letters, digits, `.`, `_` and `-`, not starting with `.`, at most 100".into()),
+                Some("expected letters, digits, `.`, `_` and `-`, not starting with `.`, at most 100 of them".into()),
             ),
         }
     }

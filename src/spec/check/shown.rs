@@ -54,7 +54,7 @@ impl Checker<'_> {
                 || of_statistics
                 || ["tables", "settings"].contains(&key) && of_tables()
             {
-                let message = format!("`{text}` is the name of a file that every report has of its own");
+                let message = format!("`{text}` is the name of one of the report's own files");
                 self.note(name.span(), message, Some("another name is needed".into()));
             } else if !seen.insert(file) {
                 self.note(name.span(), format!("two {key} are called `{text}`"), None);
@@ -72,7 +72,7 @@ impl Checker<'_> {
         let tables: HashSet<String> = names("tables").into_iter().map(|(_, name)| name.to_ascii_lowercase()).collect();
         for (span, name) in names("settings") {
             if tables.contains(&name.to_ascii_lowercase()) {
-                self.note(span, format!("a table of returns is called `{name}` too"), None);
+                self.note(span, format!("a table of returns is also called `{name}`"), None);
             }
         }
     }
@@ -171,8 +171,8 @@ mod tests {
         assert_eq!(settings("show = ['d', 'max_steps', 'actions']\nrows = ['env']"), "");
         assert!(settings("show = ['tolerance']").contains("unknown parameter `tolerance`"));
         let table = "show = []\n[[tables]]\nname = 't'\ntitle = ''\nrows = ['env']\ncolumns = 'algorithm'";
-        assert!(settings(table).contains("a table of returns is called `t` too"), "{}", settings(table));
+        assert!(settings(table).contains("a table of returns is also called `t`"), "{}", settings(table));
         let floats = errors("[[settings]]\nname = 't-float'\ntitle = ''\nshow = []");
-        assert!(floats.contains("`t-float` is the name of a file that every report has of its own"), "{floats}");
+        assert!(floats.contains("`t-float` is the name of one of the report's own files"), "{floats}");
     }
 }
