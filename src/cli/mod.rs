@@ -3,8 +3,8 @@
 //! Owns what a user types and sees, and the exit codes. Knows nothing that another program could want to know: everything else
 //! is in the modules that it calls. Start at [`main`].
 //!
-//! Exit codes: 0 all good; 1 some runs failed; 2 usage or configuration; 3 a verdict or a claim failed, where `report --strict` or `compare --strict` asks; 4 not reproduced;
-//! 130 interrupted, and resumable.
+//! Exit codes: 0 all good; 1 some runs failed; 2 usage or configuration; 3 a verdict or a claim failed, where `--strict` asks; 4 not
+//! reproduced; 130 interrupted, and resumable.
 
 mod again;
 mod bench;

@@ -12,6 +12,7 @@ mod counterpart;
 mod curve;
 pub mod export;
 mod figure;
+mod files;
 #[cfg(test)]
 mod fixture;
 mod identity;

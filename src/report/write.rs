@@ -2,7 +2,6 @@
 
 use std::{
     collections::{BTreeMap, BTreeSet},
-    fs,
     path::{Path, PathBuf},
 };
 
@@ -10,12 +9,13 @@ use crate::{
     env::EnvId,
     escape,
     plan::{self, RunSpec, Selection},
-    record::{self, RecordError},
+    record,
     spec::{ExperimentSpec, Figure, STEP, Table, Width},
 };
 
 use super::{
     ClaimsData, CurveData, ReportError, Scope, TableData, axis, claims, figure,
+    files::Files,
     identity::Identities,
     notes,
     page::{self, Contents, Shows},
@@ -117,7 +117,7 @@ pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Wri
             title: &figure.title,
             caption,
             files: figure_files(figure),
-            shows: curves.map_or(Shows::Picture(svg), Shows::Curves),
+            shows: curves.map_or(Shows::Picture(svg), |data| Shows::Curves(Box::new(data))),
         });
     }
     let statistics = StatisticsData::new(&runs, &identities);
@@ -137,7 +137,7 @@ pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Wri
             title,
             caption: figure::notes(&data.profile).all(),
             files: vec![".png", ".svg", "-curves.csv"],
-            shows: Shows::Curves(data.profile.clone()),
+            shows: Shows::Curves(Box::new(data.profile.clone())),
         });
     }
     let mut state = vec![finished(&runs, count, &untouched)];
@@ -196,68 +196,6 @@ pub fn planned(
         }
     }
     Ok((home, whole, plan))
-}
-
-/// A folder of files of which the names are kept, so that a later report can remove those that it has not.
-struct Files {
-    folder: PathBuf,
-    written: Vec<PathBuf>,
-}
-
-impl Files {
-    /// Where the names are kept, one a line.
-    const LIST: &str = ".files";
-    /// The files that a report consists of.
-    const EXTENSIONS: [&str; 7] = ["md", "tex", "csv", "png", "svg", "pdf", "html"];
-
-    fn in_folder(folder: PathBuf) -> Result<Self, RecordError> {
-        if folder.is_symlink() {
-            let reason = "it is a link, and what it leads to might be overwritten".to_owned();
-            return Err(RecordError::Malformed { path: folder, expected: "a folder to write a report into", reason });
-        }
-        fs::create_dir_all(&folder).map_err(|source| RecordError::Io {
-            action: "create",
-            path: folder.clone(),
-            source,
-        })?;
-        Ok(Self { folder, written: Vec::new() })
-    }
-
-    fn write(&mut self, name: &str, extension: &str, bytes: &[u8]) -> Result<(), RecordError> {
-        let path = self.folder.join(format!("{name}.{extension}"));
-        record::write_atomically(&path, bytes)?;
-        self.written.push(path);
-        Ok(())
-    }
-
-    /// Writes a table for LaTeX: bare, and as a float.
-    fn latex(&mut self, name: &str, [bare, float]: [String; 2]) -> Result<(), RecordError> {
-        self.write(name, "tex", bare.as_bytes())?;
-        self.write(&format!("{name}-float"), "tex", float.as_bytes())
-    }
-
-    /// Removes what an earlier report left and this one has not written, and keeps the names of what it has.
-    fn close(&self) -> Result<(), RecordError> {
-        let list = self.folder.join(Self::LIST);
-        let names: BTreeSet<String> =
-            self.written.iter().filter_map(|path| Some(path.file_name()?.to_str()?.to_owned())).collect();
-        // The list may come from anywhere: a name that leads elsewhere, or is no report's, is none of it.
-        let report = |name: &str| {
-            let extension = Path::new(name).extension().and_then(|extension| extension.to_str());
-            !name.contains(['/', '\\']) && extension.is_some_and(|extension| Self::EXTENSIONS.contains(&extension))
-        };
-        let before = fs::read_to_string(&list).unwrap_or_default();
-        for name in before.lines().filter(|name| report(name) && !names.contains(*name)) {
-            let path = self.folder.join(name);
-            if let Err(source) = fs::remove_file(&path)
-                && source.kind() != std::io::ErrorKind::NotFound
-            {
-                return Err(RecordError::Io { action: "remove", path, source });
-            }
-        }
-        let names: String = names.iter().map(|name| format!("{name}\n")).collect();
-        record::write_atomically(&list, names.as_bytes())
-    }
 }
 
 /// How the names of the files of `figure` end.
@@ -364,6 +302,8 @@ fn failed(runs: &[Run]) -> impl Iterator<Item = String> {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
     use crate::{
         report::fixture,

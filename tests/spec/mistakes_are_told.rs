@@ -106,6 +106,7 @@ pub const MISTAKES: &[(&str, &[Told])] = &[
             (18, 11, "`Claims` is the name of a file", "another name"),
             (24, 11, "`returns-seeds` is the name of a file", ""),
             (30, 11, "`return-curves` is the name of a file", ""),
+            (36, 11, "`statistics` is the name of a file", ""),
         ],
     ),
     ("negative_budget", &[(4, 13, "-100000 is out of range", "a whole number, 1 or above")]),

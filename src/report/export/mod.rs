@@ -16,6 +16,7 @@ use std::{
 
 use super::{
     CurveData, ReportError, Scope,
+    files::refuse_link,
     recorded::{self, Run},
     write::{figures, identities, planned, selected},
 };
@@ -50,7 +51,9 @@ pub fn export(
 ) -> Result<Vec<PathBuf>, ReportError> {
     let (home, whole, plan) = planned(spec, results, scope)?;
     let runs = recorded::load(&plan, results, true)?.runs;
-    let folder = home.join(scope.folder()).join("export");
+    let folder = home.join(scope.folder());
+    refuse_link(&folder)?;
+    let folder = folder.join("export");
     if folder.exists() {
         fs::remove_dir_all(&folder).map_err(|source| io("remove", &folder, source))?;
     }

@@ -5,8 +5,6 @@
 
 use std::collections::BTreeSet;
 
-use serde_json::{Value, json};
-
 use super::{
     Figure, Shows,
     parts::{files, prose},
@@ -15,7 +13,7 @@ use super::{
 use crate::{
     escape,
     report::{
-        curve::{Across, Curve, CurveData, Panel, Point, Single},
+        curve::{Across, Curve, CurveData, Panel, Point},
         figure::{
             look,
             picture::text_width,
@@ -64,7 +62,7 @@ pub fn body(figures: &[Figure<'_>]) -> String {
 }
 
 /// Every how many points one is shown.
-fn stride(figures: &[Figure<'_>]) -> usize {
+pub fn stride(figures: &[Figure<'_>]) -> usize {
     let numbers = |curve: &Curve| curve.points.len() * (6 + curve.singles.len());
     all_curves(figures).map(numbers).sum::<usize>().div_ceil(NUMBERS).max(1)
 }
@@ -73,9 +71,10 @@ fn all_curves<'a>(figures: &'a [Figure<'_>]) -> impl Iterator<Item = &'a Curve> 
     figures.iter().filter_map(curves_of).flat_map(|data| &data.panels).flat_map(|panel| panel.curves.iter().flatten())
 }
 
-fn curves_of<'a>(figure: &'a Figure<'_>) -> Option<&'a CurveData> {
+/// What a figure draws, where that is curves.
+pub fn curves_of<'a>(figure: &'a Figure<'_>) -> Option<&'a CurveData> {
     match &figure.shows {
-        Shows::Curves(data) => Some(data),
+        Shows::Curves(data) => Some(data.as_ref()),
         Shows::Picture(_) => None,
     }
 }
@@ -92,7 +91,7 @@ fn marks(figures: &[Figure<'_>]) -> String {
 }
 
 /// The classes that give a series its colour and dashes.
-fn class(look: usize) -> String {
+pub fn class(look: usize) -> String {
     format!("c{} p{}", look % 12, look::pattern(look))
 }
 
@@ -144,17 +143,24 @@ fn legend(data: &CurveData) -> String {
 }
 
 /// The inside of the axes, and what they show.
-struct Axes {
-    left: f64,
-    right: f64,
-    top: f64,
-    bottom: f64,
-    x: Scale,
-    y: Scale,
+pub struct Axes {
+    /// The left edge.
+    pub left: f64,
+    /// The right edge.
+    pub right: f64,
+    /// The upper edge.
+    pub top: f64,
+    /// The lower edge.
+    pub bottom: f64,
+    /// Across.
+    pub x: Scale,
+    /// Upwards.
+    pub y: Scale,
 }
 
 impl Axes {
-    fn new(data: &CurveData, panel: &Panel) -> Self {
+    /// Those of `panel`.
+    pub fn new(data: &CurveData, panel: &Panel) -> Self {
         let (_, width, height) = size(data);
         let (x, y) = (x_scale(data, panel), y_scale(data, panel));
         let labels = y.ticks(5).iter().map(|tick| text_width(&tick.label, TEXT)).fold(150.0, f64::max);
@@ -294,7 +300,7 @@ fn mark(look: usize, (x, y): (f64, f64)) -> String {
 }
 
 /// Every `stride`-th, and the last.
-fn thinned<T>(all: &[T], stride: usize) -> impl Iterator<Item = &T> {
+pub fn thinned<T>(all: &[T], stride: usize) -> impl Iterator<Item = &T> {
     all.iter().enumerate().filter(move |(index, _)| index % stride == 0 || index + 1 == all.len()).map(|(_, one)| one)
 }
 
@@ -346,71 +352,4 @@ fn short(value: f64) -> String {
         0.0 | 0.01..1e6 => alone(value),
         _ => format!("{value:.2e}").replace('-', "−"),
     }
-}
-
-/// The numbers of all figures, as JSON, for the script.
-pub fn data(figures: &[Figure<'_>]) -> String {
-    let stride = stride(figures);
-    let all = figures.iter().map(|figure| curves_of(figure).map_or(Value::Null, |data| numbers(data, stride)));
-    Value::Array(all.collect()).to_string()
-}
-
-fn numbers(data: &CurveData, stride: usize) -> Value {
-    let panels = data.panels.iter().map(|panel| {
-        let axes = Axes::new(data, panel);
-        let curves = panel.curves.iter().enumerate().filter_map(|(series, curve)| Some((series, curve.as_ref()?)));
-        let curves: Vec<Value> = curves.map(|(series, curve)| of_curve(series, curve, stride)).collect();
-        json!({
-            "title": panel.title,
-            "box": [axes.left, axes.right, axes.top, axes.bottom],
-            "x": [axes.x.low, axes.x.high],
-            "y": [axes.y.low, axes.y.high],
-            "curves": curves,
-        })
-    });
-    let series: Vec<Value> = data
-        .series
-        .iter()
-        .zip(&data.looks)
-        .map(|(label, look)| json!({"name": label.text, "class": class(*look)}))
-        .collect();
-    let unit = if data.across == Across::Steps { "steps" } else { data.across.label() };
-    json!({"unit": unit, "log": data.log_y, "series": series, "panels": panels.collect::<Vec<_>>()})
-}
-
-fn of_curve(series: usize, curve: &Curve, stride: usize) -> Value {
-    let points: Vec<&Point> = curve.stretches().flat_map(|stretch| thinned(stretch, stride)).collect();
-    let starts = points.windows(2).enumerate();
-    let breaks: Vec<usize> = starts
-        .filter(|(_, pair)| curve.gap_between(pair[0].env_steps, pair[1].env_steps))
-        .map(|(index, _)| index + 1)
-        .collect();
-    let kept: BTreeSet<u64> = points.iter().map(|point| point.env_steps as u64).collect();
-    let single = |single: &Single| {
-        let values = single.points.iter().filter(|(x, _)| kept.contains(&(*x as u64))).map(|(_, y)| digits(*y));
-        json!([single.seed, values.collect::<Vec<_>>()])
-    };
-    let end =
-        |end: fn((f64, f64)) -> f64| points.iter().map(|point| point.band.map(|band| digits(end(band)))).collect();
-    let (low, high): (Vec<Option<Value>>, Vec<Option<Value>>) = (end(|band| band.0), end(|band| band.1));
-    json!({
-        "series": series,
-        "x": points.iter().map(|point| whole(point.env_steps)).collect::<Vec<_>>(),
-        "mean": points.iter().map(|point| digits(point.mean)).collect::<Vec<_>>(),
-        "low": low,
-        "high": high,
-        "seeds": curve.singles.iter().map(single).collect::<Vec<_>>(),
-        "breaks": breaks,
-        "level": curve.level().is_some(),
-    })
-}
-
-/// Five digits of a number; those of a whole one without a point.
-fn digits(value: f64) -> Value {
-    whole(format!("{value:.4e}").parse().unwrap_or(f64::NAN))
-}
-
-/// A number, without a point where it needs none.
-fn whole(value: f64) -> Value {
-    if value.fract() == 0.0 && value.abs() < 1e15 { json!(value as i64) } else { json!(value) }
 }

@@ -6,6 +6,7 @@
 
 mod claims;
 mod figure;
+mod numbers;
 mod parts;
 mod policy;
 mod provenance;
@@ -70,7 +71,7 @@ pub struct Figure<'a> {
 /// What a figure shows.
 pub enum Shows {
     /// Curves, which are drawn anew for the page.
-    Curves(CurveData),
+    Curves(Box<CurveData>),
     /// A picture, as SVG.
     Picture(String),
 }
@@ -110,7 +111,7 @@ pub fn html(page: &Contents<'_>) -> String {
         policy = policy::content_security(),
         version = env!("CARGO_PKG_VERSION"),
         summary = summary(page),
-        data = escape::script(&figure::data(&page.figures)),
+        data = escape::script(&numbers::data(&page.figures)),
     )
 }
 

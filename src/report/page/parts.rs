@@ -12,7 +12,7 @@ pub fn section(id: &str, title: &str, body: &str) -> String {
 /// Text in which what stands between backticks is code.
 pub fn prose(text: &str) -> String {
     let parts: Vec<&str> = text.split('`').collect();
-    if parts.len() % 2 == 0 {
+    if parts.len().is_multiple_of(2) {
         return escape::html(text);
     }
     let part = |(index, part): (usize, &&str)| match index % 2 {

@@ -24,7 +24,7 @@ fn page(runs: &[Run], points: Option<u64>) -> String {
         let (Some(points), Some(&point)) = (points, curve.points.first()) else { continue };
         curve.points = (0..points).map(|n| super::super::Point { env_steps: n as f64, ..point }).collect();
     }
-    let shows = Shows::Curves(data);
+    let shows = Shows::Curves(Box::new(data));
     let figure = Figure { name: "f", title: "F", caption: String::new(), shows, files: vec![".svg"] };
     html(&Contents {
         spec: &spec,
