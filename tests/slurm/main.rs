@@ -24,7 +24,7 @@ const ONE: [&str; 2] = ["--only", "env=InvertedPendulum-v2,algorithm=ppo,seed=0"
 
 type Scenario = (&'static str, fn(&Cluster));
 
-const SCENARIOS: [Scenario; 8] = [
+const SCENARIOS: [Scenario; 9] = [
     ("twelve_runs_over_two_nodes_are_those_of_one_machine", twelve_runs_over_two_nodes_are_those_of_one_machine),
     ("a_node_that_goes_down_loses_no_run", a_node_that_goes_down_loses_no_run),
     ("a_worker_that_is_killed_is_a_failed_run_and_sent_again_alone", a_worker_that_is_killed_is_a_failed_run),
@@ -32,6 +32,7 @@ const SCENARIOS: [Scenario; 8] = [
     ("a_run_longer_than_its_time_limit_resumes_by_itself", a_run_longer_than_its_time_limit_resumes_by_itself),
     ("what_is_cancelled_is_sent_again", what_is_cancelled_is_sent_again),
     ("a_controller_that_starts_again_changes_nothing", a_controller_that_starts_again_changes_nothing),
+    ("a_job_that_completed_without_a_result_is_a_failed_run", a_job_that_completed_without_a_result),
     ("names_reach_slurm_and_the_script_as_they_are", names_reach_slurm_and_the_script_as_they_are),
 ];
 
@@ -193,6 +194,25 @@ fn a_controller_that_starts_again_changes_nothing(cluster: &Cluster) {
     }
     assert_same_run(&bench);
     bench.assert_reported(4);
+}
+
+fn a_job_that_completed_without_a_result(cluster: &Cluster) {
+    let bench = Bench::new(cluster, 512, "0", "");
+    bench.submit(&ONE);
+    cluster.wait_until_idle();
+    let mut programs = fs::read_dir(bench.path("results/.programs")).expect("the frozen program");
+    let program = programs.next().expect("one").expect("readable").path();
+    fs::write(&program, "#!/bin/sh\nexit 0\n").expect("written");
+    let two = ["--only", "env=InvertedPendulum-v2"];
+    assert!(bench.submit(&two).contains("1 run in 1 element submitted"));
+    cluster.wait_until_idle();
+    let said = bench.status();
+    assert!(said.contains("1 failed") && said.contains("1 finished") && said.contains("2 to do"), "{said}");
+    assert!(said.contains("calls its job COMPLETED (exit code 0, on n") && said.contains("left no result"), "{said}");
+    fs::remove_file(&program).expect("there");
+    assert!(bench.submit(&two).contains("1 run in 1 element submitted"));
+    cluster.wait_until_idle();
+    assert_eq!(bench.manifest("results", "InvertedPendulum-v2/trpo/seed-0").outcome, Outcome::Finished);
 }
 
 fn names_reach_slurm_and_the_script_as_they_are(cluster: &Cluster) {

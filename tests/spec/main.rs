@@ -4,6 +4,7 @@ mod layers;
 mod mistakes_are_told;
 mod schema;
 mod shipped;
+mod slurm;
 
 use std::path::Path;
 
