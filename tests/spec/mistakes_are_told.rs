@@ -65,7 +65,7 @@ pub const MISTAKES: &[(&str, &[Told])] = &[
     ("environment_twice", &[(8, 29, "lists InvertedPendulum-v2 twice", "")]),
     ("extends_a_folder", &[(1, 11, "it is a folder, not a file", "")]),
     ("extends_a_missing_file", &[(1, 11, "not_there.toml: there is no such file", "")]),
-    ("extends_itself", &[(1, 11, "extends itself", "")]),
+    ("extends_itself", &[(1, 11, "ends up extending itself", "")]),
     ("figure_of_an_unknown_column", &[(14, 10, "unknown y `retrun`", "`return`")]),
     ("figure_of_an_unknown_series", &[(15, 11, "unknown axis `epsilom`", "`epsilon`")]),
     (
@@ -103,10 +103,10 @@ pub const MISTAKES: &[(&str, &[Told])] = &[
         "names_of_other_files",
         &[
             (12, 10, "`README` is the name of one of the report's own files", ""),
-            (18, 11, "`Claims` is the name of a file", "another name"),
-            (24, 11, "`returns-seeds` is the name of a file", ""),
-            (30, 11, "`return-curves` is the name of a file", ""),
-            (36, 11, "`statistics` is the name of a file", ""),
+            (18, 11, "`Claims` is the name of one of the report's own files", "another name"),
+            (24, 11, "`returns-seeds` is the name of one of the report's own files", ""),
+            (30, 11, "`return-curves` is the name of one of the report's own files", ""),
+            (36, 11, "`statistics` is the name of one of the report's own files", ""),
         ],
     ),
     ("negative_budget", &[(4, 13, "-100000 is out of range", "a whole number, 1 or above")]),
@@ -164,7 +164,7 @@ pub const MISTAKES: &[(&str, &[Told])] = &[
 
 /// Mistakes that stand in a file that the fixture extends.
 const EXTENDED: &[(&str, &str, Told)] = &[
-    ("extends_in_a_circle", "circle.base", (1, 11, "extends itself", "")),
+    ("extends_in_a_circle", "circle.base", (1, 11, "ends up extending itself", "")),
     ("mistake_in_what_it_extends", "mistaken.base", (3, 1, "unknown key `episode` in `evaluation`", "`episodes`")),
 ];
 
