@@ -4,9 +4,10 @@
 //! [`StatisticsData::new`].
 //!
 //! A score is a return where the paper's Random has 0 and its Expert 1, environment by environment. A run that failed has score 0.
+//! Only environments in which every method has a finished run count, so that all methods are summed up over the same.
 //! Each summary has a stratified bootstrap interval, which is too narrow for few seeds; a note says by how much.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::{
     axis::{self, Label},
@@ -72,8 +73,11 @@ pub struct Method {
 /// The scores of a method, environment by environment.
 type Scores = BTreeMap<EnvId, Vec<f64>>;
 
+/// What a method is called, its look, its scores, and the runs behind them.
+type Found<'a> = (Label, usize, Scores, Vec<&'a Run>);
+
 impl StatisticsData {
-    /// The summaries of `runs`; `None` where fewer than two environments have a run that finished.
+    /// The summaries of `runs`; `None` where fewer than two environments have a finished run of every method that has any.
     pub fn new(runs: &[Run], identities: &Identities) -> Option<Self> {
         let known: Vec<&Run> = runs.iter().filter(|run| reference::scale(run.spec.env.name()).is_some()).collect();
         let keys = axis::hidden_axes(&known, &["env".to_owned(), "algorithm".to_owned()]);
@@ -81,28 +85,35 @@ impl StatisticsData {
         let groups = axis::group(&known, &keys);
         let labels = axis::labels(&keys, &groups);
         let looks = identities.looks(groups.iter().map(|group| group.runs[0]));
-        let found: Vec<(Label, usize, &[&Run], Scores)> = groups
-            .iter()
+        let mut found: Vec<Found<'_>> = groups
+            .into_iter()
             .zip(labels)
             .zip(looks)
-            .map(|((group, label), look)| (label, look, group.runs.as_slice(), scores(&group.runs)))
-            .filter(|(.., scores)| !scores.is_empty())
+            .map(|((group, label), look)| (label, look, scores(&group.runs), group.runs))
+            .filter(|(_, _, scores, _)| !scores.is_empty())
             .collect();
-        let mut environments: Vec<EnvId> = found.iter().flat_map(|(.., scores)| scores.keys().copied()).collect();
-        environments.sort_unstable();
-        environments.dedup();
+        let (environments, left_out): (Vec<EnvId>, Vec<EnvId>) = found
+            .iter()
+            .flat_map(|(_, _, scores, _)| scores.keys().copied())
+            .collect::<BTreeSet<_>>()
+            .into_iter()
+            .partition(|env| found.iter().all(|(_, _, scores, _)| scores.contains_key(env)));
         if environments.len() < 2 {
             return None;
         }
+        for (_, _, scores, runs) in &mut found {
+            scores.retain(|env, _| environments.contains(env));
+            runs.retain(|run| environments.contains(&run.spec.env));
+        }
         let base = found.iter().position(|(_, look, ..)| *look == 0).unwrap_or(0);
-        let of_base = &found[base].3;
-        let methods = found.iter().enumerate().map(|(index, (label, _, runs, scores))| {
+        let of_base = &found[base].2;
+        let methods = found.iter().enumerate().map(|(index, (label, _, scores, runs))| {
             let below_base = (index != base).then(|| improvement(of_base, scores)).flatten();
             Method::new(label.clone(), runs, scores, below_base)
         });
         let methods: Vec<Method> = methods.collect::<Option<_>>()?;
         let profile = profile(&found, &keys);
-        let notes = notes(&methods, base, &environments, &found);
+        let notes = notes(&methods, base, [&environments, &left_out], &found);
         Some(Self { keys, methods, base, profile, notes })
     }
 }
@@ -186,8 +197,8 @@ fn improvement(ours: &Scores, theirs: &Scores) -> Option<Estimate> {
 }
 
 /// The performance profile of each method.
-fn profile(found: &[(Label, usize, &[&Run], Scores)], keys: &[String]) -> CurveData {
-    let all = || found.iter().flat_map(|(.., scores)| scores.values().flatten());
+fn profile(found: &[Found<'_>], keys: &[String]) -> CurveData {
+    let all = || found.iter().flat_map(|(_, _, scores, _)| scores.values().flatten());
     let quarter = |end: f64| (4.0 * end).round() / 4.0;
     let low = quarter((4.0 * all().copied().fold(0.0, f64::min)).floor() / 4.0).max(-1.0);
     let high = quarter((4.0 * all().copied().fold(1.0, f64::max)).ceil() / 4.0).min(2.0);
@@ -216,7 +227,7 @@ fn profile(found: &[(Label, usize, &[&Run], Scores)], keys: &[String]) -> CurveD
         looks: found.iter().map(|(_, look, ..)| *look).collect(),
         panels: vec![Panel {
             title: "All environments".to_owned(),
-            curves: found.iter().map(|(.., scores)| curve(scores)).collect(),
+            curves: found.iter().map(|(_, _, scores, _)| curve(scores)).collect(),
             demo: None,
         }],
         band: Band::Bootstrap,
@@ -229,17 +240,11 @@ fn profile(found: &[(Label, usize, &[&Run], Scores)], keys: &[String]) -> CurveD
     }
 }
 
-fn notes(
-    methods: &[Method],
-    base: usize,
-    environments: &[EnvId],
-    found: &[(Label, usize, &[&Run], Scores)],
-) -> Vec<String> {
-    let names: Vec<&str> = environments.iter().map(|env| env.name()).collect();
+fn notes(methods: &[Method], base: usize, environments: [&[EnvId]; 2], found: &[Found<'_>]) -> Vec<String> {
+    let [counted, left_out] = environments.map(|some| some.iter().map(|env| env.name()).collect::<Vec<_>>().join(", "));
     let mut notes = vec![
         format!(
-            "Scores: dense returns of the final evaluation, of which the paper's Random has 0 and its Expert 1; over {}.",
-            names.join(", ")
+            "Scores: dense returns of the final evaluation, of which the paper's Random has 0 and its Expert 1; over {counted}."
         ),
         "IQM: the mean of the middle half of all runs' scores. Median and mean: over environments, of their means over seeds. Gap: by how \
          much scores are short of 1. Area: under the learning curve, over its length. Half: the median share of the budget after \
@@ -252,19 +257,17 @@ fn notes(
             methods[base].label.text
         ));
     }
-    let fewest = found.iter().flat_map(|(.., scores)| scores.values().map(Vec::len)).min().unwrap_or(0);
+    let fewest = found.iter().flat_map(|(_, _, scores, _)| scores.values().map(Vec::len)).min().unwrap_or(0);
     notes.push(format!(
         "In brackets: the 95 % stratified percentile bootstrap interval ({RESAMPLES} resamples). It is too narrow for few seeds (the fewest \
          here: {fewest}): of normal samples it holds the mean over many environments 89 % of the time with 3 seeds in each and 92 % with 5, \
          and in one environment 75 % and 84 %."
     ));
-    if methods.iter().any(|method| method.environments < environments.len()) {
-        notes.push(
-            "Methods with fewer environments are summed up over those, and do not compare with the others.".to_owned(),
-        );
+    if !left_out.is_empty() {
+        notes.push(format!("Left out, since not every method here has a finished run there: {left_out}."));
     }
     let failed = |run: &&&Run| matches!(run.state, State::Failed { .. });
-    match found.iter().flat_map(|(_, _, runs, _)| runs.iter()).filter(failed).count() {
+    match found.iter().flat_map(|(.., runs)| runs.iter()).filter(failed).count() {
         0 => {}
         count => notes.push(format!("Runs that failed have score 0: {count}.")),
     }
@@ -329,14 +332,19 @@ mod tests {
     }
 
     #[test]
-    fn a_run_that_failed_counts_and_missing_environments_are_told() {
+    fn a_run_that_failed_counts_and_an_environment_that_a_method_lacks_does_not() {
         let mut all = runs("mcpo", "Hopper-v2", &[0.6, 0.8]);
         all.extend(runs("mcpo", "Ant-v2", &[0.4]));
+        all.extend(runs("mcpo", "HalfCheetah-v2", &[1.0, 1.0]));
         all.extend(runs("ppo", "Ant-v2", &[0.4]));
+        assert_eq!(statistics(&all), None, "they share one alone");
+        all.extend(runs("ppo", "Hopper-v2", &[0.1]));
         all.push(fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 2).failed("diverged"));
         let data = statistics(&all).expect("two environments");
         assert!((data.methods[0].aggregates.mean.value - (1.4 / 3.0 + 0.4) / 2.0).abs() < 1e-9);
+        assert_eq!((data.methods[0].environments, data.methods[0].scores), (2, 4));
         let told = data.notes.join("\n");
-        assert!(told.contains("Runs that failed have score 0: 1.") && told.contains("do not compare"), "{told}");
+        let left_out = "not every method here has a finished run there: HalfCheetah-v2.";
+        assert!(told.contains("Runs that failed have score 0: 1.") && told.contains(left_out), "{told}");
     }
 }
