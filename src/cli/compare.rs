@@ -62,7 +62,7 @@ pub fn run(arguments: &CompareArguments) -> anyhow::Result<ExitCode> {
 fn recorded(path: &Path, results: &Path) -> anyhow::Result<(Vec<Run>, Vec<String>)> {
     if path.is_dir() {
         if !path.join("runs").is_dir() {
-            bail!("{} holds no `runs`", path.display());
+            bail!("{} holds no `runs`; name the folder of one experiment, such as results/comparison", path.display());
         }
         return Ok(report::in_folder(path)?);
     }

@@ -216,6 +216,11 @@ impl RunPaths {
         if policies.exists() { remove_half_written(&policies) } else { Ok(()) }
     }
 
+    /// Whether a folder of this name holds no ended run, but one under way, replaced, or set aside.
+    pub fn is_aside(name: &str) -> bool {
+        name.ends_with(".partial") || name.ends_with(".replaced") || name.contains(".old-")
+    }
+
     /// Renames whatever there is of the run to `<id>.old-<n>`, and gives the new names. Its Parquet files get the ending
     /// `.old`, so that scans over `**/progress.parquet` do not count the run twice.
     ///
@@ -303,7 +308,7 @@ fn check(name: &str) -> Result<(), RecordError> {
         r#"a part holds a control character or one of / \ : * ? " < > |"#
     } else if name.len() > 200 {
         "a part is longer than 200 bytes"
-    } else if name.ends_with(".partial") || name.ends_with(".replaced") || name.contains(".old-") {
+    } else if RunPaths::is_aside(name) {
         "a part ends as the program's own folders do (.partial, .replaced, .old-N)"
     } else {
         return Ok(());

@@ -99,7 +99,7 @@ fn find(folder: &Path, depth: usize, found: &mut Vec<PathBuf>) -> std::io::Resul
         found.push(manifest);
     }
     for entry in entries {
-        let ended = !entry.file_name().to_string_lossy().ends_with(".partial");
+        let ended = !RunPaths::is_aside(&entry.file_name().to_string_lossy());
         if depth > 0 && ended && entry.file_type()?.is_dir() {
             find(&entry.path(), depth - 1, found)?;
         }
@@ -273,6 +273,22 @@ mod tests {
             fixture::mcpo("HalfCheetah-v2", d, 0.0, seed as u64).finished(&[(100, &[*value])])
         };
         values.iter().enumerate().map(run).collect()
+    }
+
+    #[test]
+    fn what_was_set_aside_is_not_compared() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let run = runs(1e-3, &[3000.0]).remove(0);
+        fixture::record(&run, folder.path());
+        let home = folder.path().join(&run.spec.experiment);
+        let kept = home.join("runs").join(&run.spec.id);
+        for aside in ["seed-0.old-1", "seed-0.partial"] {
+            let aside = kept.with_file_name(aside);
+            fs::create_dir(&aside).expect("made");
+            fs::copy(RunPaths::manifest(&kept), RunPaths::manifest(&aside)).expect("copied");
+        }
+        let (found, remarks) = in_folder(&home).expect("readable");
+        assert_eq!((found.len(), remarks), (1, Vec::new()));
     }
 
     /// The margin of HalfCheetah is 450.936.

@@ -10,7 +10,7 @@ use std::{
     panic::{AssertUnwindSafe, catch_unwind},
     path::Path,
     process::ExitCode,
-    time::Instant,
+    time::{Duration, Instant},
 };
 
 use cluster::{Bench, Cluster, ids, parent, signal, wait_for};
@@ -152,9 +152,17 @@ fn an_element_that_is_killed_resumes(cluster: &Cluster) {
 }
 
 fn a_run_longer_than_its_time_limit_resumes_by_itself(cluster: &Cluster) {
-    // Slurm counts limits in minutes, and warns some seconds early or late.
-    let bench = Bench::new(cluster, 10 * LONG, "0", "time = \"1\"\ngrace = 55");
-    bench.expect(0, &[&["run", "tiny.toml", "--results", "whole"], &ONE[..]].concat());
+    // Slurm counts limits in minutes, and warns some seconds early or late: the run is made longer than that on any machine.
+    let (mut env_steps, limit) = (10 * LONG, Duration::from_secs(60));
+    let bench = loop {
+        let bench = Bench::new(cluster, env_steps, "0", "time = \"1\"\ngrace = 55");
+        let began = Instant::now();
+        bench.expect(0, &[&["run", "tiny.toml", "--results", "whole"], &ONE[..]].concat());
+        if began.elapsed() > limit {
+            break bench;
+        }
+        env_steps *= 1 + (limit.as_secs_f64() / began.elapsed().as_secs_f64()).ceil() as u64;
+    };
     bench.submit(&ONE);
     cluster.wait_until_idle();
     assert_resumed(&bench.manifest("results", PENDULUM).attempts);
