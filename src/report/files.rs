@@ -44,12 +44,20 @@ impl Files {
         Ok(())
     }
 
-    /// Writes a table for LaTeX: bare, and as a float.
+    /// Writes a table in all formats: Markdown, for LaTeX bare and as a float, and CSV.
     ///
     /// Errors: the disk refuses.
-    pub fn latex(&mut self, name: &str, [bare, float]: [String; 2]) -> Result<(), RecordError> {
+    pub fn table(
+        &mut self,
+        name: &str,
+        markdown: &str,
+        [bare, float]: [String; 2],
+        csv: &[u8],
+    ) -> Result<(), RecordError> {
+        self.write(name, "md", markdown.as_bytes())?;
         self.write(name, "tex", bare.as_bytes())?;
-        self.write(&format!("{name}-float"), "tex", float.as_bytes())
+        self.write(&format!("{name}-float"), "tex", float.as_bytes())?;
+        self.write(name, "csv", csv)
     }
 
     /// Removes what an earlier report left and this one has not written, and keeps the names of what it has.
