@@ -7,7 +7,10 @@ use mcpo_run::record::{
     compare::{self, Exactness},
 };
 
-use crate::workbench::{PENDULUM, Workbench, signal, snapshot, texts, wait_for};
+use crate::{
+    processes::{signal, wait_for},
+    workbench::{PENDULUM, Workbench, snapshot, texts},
+};
 
 const SHORT: [&str; 5] = ["tiny.toml", "--only", "env=InvertedPendulum-v2,seed=0", "--results", "extended"];
 /// A budget that the evaluations of the shorter run, every 4,096 steps, do not divide.

@@ -8,7 +8,10 @@ use std::{
     time::{Duration, Instant},
 };
 
-use crate::workbench::{PENDULUM, Workbench, signal, texts, wait_for};
+use crate::{
+    processes::{signal, wait_for},
+    workbench::{PENDULUM, Workbench, texts},
+};
 use mcpo_run::{
     demo::Demonstration,
     record::{Claim, Outcome, RunPaths},

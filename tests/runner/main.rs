@@ -4,6 +4,7 @@ mod campaigns;
 mod extension;
 mod faults;
 mod machines;
+mod processes;
 mod reproduction;
 mod sharing;
 mod workbench;

@@ -4,17 +4,14 @@ use std::{
     fs,
     path::{Path, PathBuf},
     process::{Child, Command, Output, Stdio},
-    time::{Duration, Instant},
 };
 
+use crate::processes::wait_for;
 use mcpo_run::{
     algo::Agent,
     record::{Manifest, RunPaths, policy, rows},
     train::{EvaluationEpisode, Iteration},
 };
-
-/// What takes longer than this hangs.
-const PATIENCE: Duration = Duration::from_secs(120);
 
 /// Everything that a finished run recorded, but for what a clock said.
 #[derive(Debug, PartialEq)]
@@ -130,24 +127,6 @@ pub fn texts(output: &Output, code: i32, what: &[&str]) -> (String, String) {
     let (stdout, stderr) = (text(&output.stdout), text(&output.stderr));
     assert_eq!(output.status.code(), Some(code), "{what:?}\n{stdout}\n{stderr}");
     (stdout, stderr)
-}
-
-/// Sends `signal` to a process; gives whether it was there.
-pub fn signal(signal: &str, process: u32) -> bool {
-    let mut kill = Command::new("kill");
-    kill.args([&format!("-{signal}"), &process.to_string()]).stderr(Stdio::null()).status().is_ok_and(|s| s.success())
-}
-
-/// The first answer of `ask`.
-pub fn wait_for<T>(what: &str, ask: impl Fn() -> Option<T>) -> T {
-    let began = Instant::now();
-    loop {
-        if let Some(answer) = ask() {
-            return answer;
-        }
-        assert!(began.elapsed() < PATIENCE, "waited for {what} in vain");
-        std::thread::sleep(Duration::from_millis(2));
-    }
 }
 
 /// All files under `folder` with their contents, by their paths.

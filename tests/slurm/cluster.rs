@@ -4,13 +4,13 @@ use std::{
     fs,
     path::{Path, PathBuf},
     process::{Command, Output, Stdio},
-    time::{Duration, Instant},
+    thread,
+    time::Duration,
 };
 
 use mcpo_run::record::{Claim, Manifest, RunPaths, policy};
 
-/// What takes longer than this hangs.
-const PATIENCE: Duration = Duration::from_secs(300);
+use crate::processes::wait_for;
 
 /// Slurm, until it is dropped.
 pub struct Cluster {
@@ -45,7 +45,7 @@ impl Cluster {
     /// Ends the controller and starts it again.
     pub fn restart_controller(&self) {
         self.script("stop-controller");
-        std::thread::sleep(Duration::from_secs(2));
+        thread::sleep(Duration::from_secs(2));
         self.script("start");
     }
 
@@ -62,7 +62,10 @@ impl Cluster {
 
     /// Waits until nothing is queued or runs.
     pub fn wait_until_idle(&self) {
-        wait_for("the end of all jobs", || self.slurm("squeue", &["-h"]).trim().is_empty().then_some(()));
+        wait_for("the end of all jobs", || {
+            thread::sleep(Duration::from_millis(20)); // the controller has other things to do
+            self.slurm("squeue", &["-h"]).trim().is_empty().then_some(())
+        });
     }
 }
 
@@ -184,27 +187,9 @@ pub fn ids(seeds: u64) -> Vec<String> {
     ids
 }
 
-/// Sends `signal` to a process.
-pub fn signal(signal: &str, process: u32) {
-    let mut kill = Command::new("kill");
-    assert!(kill.args([&format!("-{signal}"), &process.to_string()]).status().is_ok_and(|status| status.success()));
-}
-
 /// The parent of a process.
 pub fn parent(process: u32) -> u32 {
     let text = fs::read_to_string(format!("/proc/{process}/stat")).expect("it lives");
     let fields = text.rsplit_once(')').expect("a state").1;
     fields.split_whitespace().nth(1).and_then(|parent| parent.parse().ok()).expect("a number")
-}
-
-/// The first answer of `ask`.
-pub fn wait_for<T>(what: &str, ask: impl Fn() -> Option<T>) -> T {
-    let began = Instant::now();
-    loop {
-        if let Some(answer) = ask() {
-            return answer;
-        }
-        assert!(began.elapsed() < PATIENCE, "waited for {what} in vain");
-        std::thread::sleep(Duration::from_millis(20));
-    }
 }

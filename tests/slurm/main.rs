@@ -4,6 +4,8 @@
 //! chooses the scenarios whose names hold it.
 
 mod cluster;
+#[path = "../runner/processes.rs"]
+mod processes;
 
 use std::{
     fs,
@@ -13,8 +15,9 @@ use std::{
     time::{Duration, Instant},
 };
 
-use cluster::{Bench, Cluster, ids, parent, signal, wait_for};
+use cluster::{Bench, Cluster, ids, parent};
 use mcpo_run::record::{Attempt, Outcome, RunPaths};
+use processes::{signal, wait_for};
 
 /// A run that takes long enough to be disturbed.
 const LONG: u64 = 150_000;
@@ -121,7 +124,7 @@ fn a_worker_that_is_killed_is_a_failed_run(cluster: &Cluster) {
     let bench = with_whole_run(cluster, "pack = 2");
     let two = ["--only", "env=InvertedPendulum-v2,seed=0"];
     bench.submit(&two);
-    signal("KILL", bench.wait_for_checkpoint(PENDULUM));
+    assert!(signal("KILL", bench.wait_for_checkpoint(PENDULUM)), "it was over before");
     cluster.wait_until_idle();
     let error = bench.manifest("results", PENDULUM).error().expect("it failed").to_owned();
     assert!(error.contains("SIGKILL"), "{error}");
@@ -140,7 +143,7 @@ fn an_element_that_is_killed_resumes(cluster: &Cluster) {
     let bench = with_whole_run(cluster, "");
     bench.submit(&ONE);
     let worker = bench.wait_for_checkpoint(PENDULUM);
-    signal("KILL", parent(worker));
+    assert!(signal("KILL", parent(worker)), "it was over before");
     cluster.wait_until_idle();
     let said = bench.status();
     assert!(said.contains("interrupted") && said.contains("SIGKILL"), "{said}");
