@@ -1,9 +1,11 @@
 # The commands of this project. `make demo` shows what it does; `make test` checks everything.
 
+PROGRAM := $(or $(CARGO_TARGET_DIR),target)/release/mcpo-run
+
 .PHONY: demo test soak build ci-results setup clean
 
 demo: build
-	target/release/mcpo-run experiments/smoke.toml
+	$(PROGRAM) experiments/smoke.toml
 
 test: setup
 	@tests/slurm/cluster.sh install || echo "make: what needs Slurm will be skipped" >&2
@@ -18,10 +20,10 @@ soak: build
 # What `make test` compares this program's numbers with; to be recorded again whenever they are meant to change.
 ci-results: build
 	rm -rf results/ci
-	target/release/mcpo-run verify experiments/ci.toml --against results/ci --record
+	$(PROGRAM) verify experiments/ci.toml --against results/ci --record
 
 build: setup
-	@test -x target/release/mcpo-run || echo "building: about 3 minutes on two cores the first time, most of it polars" >&2
+	@test -x $(PROGRAM) || echo "building: about 3 minutes on two cores the first time, most of it polars" >&2
 	cargo build --release
 
 setup:
