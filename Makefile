@@ -15,7 +15,7 @@ test: setup
 
 # Kills and faults without number, for SOAK_SECONDS (an hour): no run may be lost, and no bit change.
 soak: build
-	tests/soak/disturb.sh $(or $(SOAK_SECONDS),3600)
+	PROGRAM=$(abspath $(PROGRAM)) tests/soak/disturb.sh $(or $(SOAK_SECONDS),3600)
 
 # What `make test` compares this program's numbers with; to be recorded again whenever they are meant to change.
 ci-results: build
