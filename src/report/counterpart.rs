@@ -3,7 +3,7 @@
 //! Owns that rule. Knows nothing of intervals or verdicts. Start at [`Counterpart::of`].
 //!
 //! The paper's value belongs to the paper's setting, and that is the default of every parameter, as far as we know it: the
-//! paper's tables, and our readings where it is silent (`experiments/README.md`). So runs have a counterpart where every
+//! paper's tables, and our readings where it is silent (`experiments/method.md`). So runs have a counterpart where every
 //! parameter that decides what is learned is at its default: the algorithm's hyperparameters, the reward, the time limit, the
 //! networks and the rollouts. How long a run is does not count here, since verdicts see to that; nor do evaluations,
 //! checkpoints, or the demonstration, which is never the paper's. In the ablation, d and epsilon are Table 5's.

@@ -1,7 +1,7 @@
 //! The matrix file: from TOML text to a typed specification.
 //!
 //! Owns the format, the layers that make it up, and the errors that point at a line. Knows nothing of how runs are made
-//! or trained. Start at [`load`] and [`ExperimentSpec`]; the format is documented in `experiments/README.md`.
+//! or trained. Start at [`load`] and [`ExperimentSpec`]; the format is documented in `experiments/format.md`.
 
 mod algorithm;
 mod assemble;

@@ -40,7 +40,7 @@ fn the_ablation_is_table_5() {
 
 #[test]
 fn every_example_in_the_documentation_is_valid() {
-    let text = fs::read_to_string("experiments/README.md").expect("the documentation is there");
+    let text = fs::read_to_string("experiments/format.md").expect("the documentation is there");
     let examples: Vec<&str> = text.split("```toml\n").skip(1).filter_map(|rest| rest.split("```").next()).collect();
     assert!(examples.len() >= 6, "{} examples", examples.len());
     for example in examples {
@@ -66,7 +66,7 @@ fn every_example_in_the_documentation_is_valid() {
 
 #[test]
 fn every_key_is_documented() {
-    let text = fs::read_to_string("experiments/README.md").expect("the documentation is there");
+    let text = fs::read_to_string("experiments/format.md").expect("the documentation is there");
     let schema = spec::schema();
     let documented = |section: &str, keys: Vec<String>| {
         let heading = format!("\n## {section}");
