@@ -25,7 +25,7 @@ use mcpo_run::{
         conjugate_gradient::{Limits, solve},
         dot,
     },
-    spec::{self, Algorithm, Overrides},
+    spec::{self, Overrides},
     train::{build, rollout::Rollout},
 };
 use nalgebra::DMatrix;
@@ -100,7 +100,7 @@ fn study(env: &str) -> Result<Vec<Case>, Box<dyn Error>> {
     );
     let spec = spec::parse(Path::new("experiments/shortcuts.toml"), &text, &Overrides::default())?;
     let spec: RunSpec = plan::plan(&spec)?.remove(0);
-    let Algorithm::Mcpo(h) = spec.algorithm.clone() else { unreachable!("the matrix says so") };
+    let h: mcpo::Hyperparameters = spec.algorithm.hyperparameters().try_into()?;
     let tasks = build::tasks(&spec, spec.rollout.environments.size())?;
     let steps = spec.rollout.steps.size() / tasks.len();
     let agent = build::agent(&spec, tasks[0].spaces());

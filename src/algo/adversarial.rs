@@ -3,11 +3,16 @@
 //! Owns one iteration of it: one update of the discriminator, new rewards for the batch, one update of the policy. Knows
 //! nothing of how the policy is updated. Start at [`Adversarial`].
 
-use super::{Agent, AlgoError, Batch, OnPolicy, Update, discriminator::Discriminator};
-use crate::rng::Rng;
+use super::{
+    Agent, AlgoError, Batch, OnPolicy, Update,
+    discriminator::{self, Discriminator},
+    operations::{Counter, Operations},
+    revision::Part,
+};
+use crate::{quantity::Count, rng::Rng};
 
-/// Raise it when what this file computes changes; whose runs that makes stale, [`revision`](super::revision) knows.
-pub const REVISION: u32 = 1;
+/// Raise its revision when what this file computes changes.
+pub static PART: Part = Part { name: "adversarial", revision: 1, uses: &[&discriminator::PART] };
 
 /// An algorithm whose rewards are `task r - imitation log D(s, a)`.
 pub struct Adversarial {
@@ -53,4 +58,11 @@ impl OnPolicy for Adversarial {
         self.discriminator.restore(&discriminator)?;
         self.inner.restore(&inner)
     }
+}
+
+/// The operations of an update: the discriminator's `updates`, the rewards, and those of the policy's update, `inner`.
+pub(super) fn operations(updates: Count, inner: Vec<Operations>, counter: &Counter<'_>) -> Vec<Operations> {
+    let Counter { n, m, discriminator, .. } = counter;
+    let updates = updates.get() as f64 * (n + m) * discriminator.forward_and_vjp();
+    [vec![("discriminator", updates + n * discriminator.forward())], inner].concat()
 }

@@ -6,7 +6,13 @@ use nalgebra::DMatrix;
 use rand::seq::SliceRandom;
 use serde::{Deserialize, Serialize};
 
-use super::{Agent, AlgoError, critic::gather, finite};
+use super::{
+    Agent, AlgoError, Update,
+    critic::gather,
+    definition::{About, Definition, Learner},
+    finite,
+    revision::Part,
+};
 use crate::{
     demo::Demonstration,
     env::EnvId,
@@ -16,8 +22,31 @@ use crate::{
     solver::adam::Adam,
 };
 
-/// Raise it when what this file computes changes; whose runs that makes stale, [`revision`](super::revision) knows.
-pub const REVISION: u32 = 1;
+/// Raise its revision when what this file computes changes.
+pub static PART: Part = Part { name: "cloning", revision: 1, uses: &[] };
+
+/// Behaviour cloning alone as an algorithm of the catalogue.
+pub static BC: Definition<Hyperparameters> = Definition {
+    about: About {
+        name: "bc",
+        label: "BC",
+        demonstration: true,
+        dense: false,
+        trains: false,
+        steps: None,
+        passes: 0.0,
+        part: Some(&PART),
+        later: &[],
+    },
+    defaults: Hyperparameters::for_env,
+    cloning: Some(|hyperparameters| hyperparameters),
+    start: |hyperparameters, start| {
+        let (agent, demonstration) = start.with_demonstration()?;
+        let cloning_loss = Some(loss_of(hyperparameters.loss, &agent, &demonstration, &mut Pass::default()));
+        Ok(Learner::Offline(agent, Box::new(Update { cloning_loss, ..Update::default() })))
+    },
+    operations: |_, _| Vec::new(),
+};
 
 /// How the demonstration's actions are learned.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]

@@ -4,15 +4,15 @@ use nalgebra::DMatrix;
 use rand::seq::SliceRandom;
 use serde::{Deserialize, Serialize};
 
-use super::{AlgoError, finite};
+use super::{AlgoError, finite, revision::Part};
 use crate::{
     nn::{Mlp, Pass},
     rng::Rng,
     solver::adam::Adam,
 };
 
-/// Raise it when what this file computes changes; whose runs that makes stale, [`revision`](super::revision) knows.
-pub const REVISION: u32 = 1;
+/// Raise its revision when what this file computes changes.
+pub static PART: Part = Part { name: "critic", revision: 1, uses: &[] };
 
 /// How a value network is fitted.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -9,7 +9,7 @@
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
-use super::{AlgoError, Batch, finite};
+use super::{AlgoError, Batch, finite, revision::Part};
 use crate::{
     demo::{Demonstration, stack},
     nn::{Mlp, Normalizer, Pass},
@@ -18,8 +18,8 @@ use crate::{
     solver::adam::Adam,
 };
 
-/// Raise it when what this file computes changes; whose runs that makes stale, [`revision`](super::revision) knows.
-pub const REVISION: u32 = 1;
+/// Raise its revision when what this file computes changes.
+pub static PART: Part = Part { name: "discriminator", revision: 1, uses: &[] };
 
 /// How the discriminator learns.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]

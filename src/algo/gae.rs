@@ -2,11 +2,11 @@
 
 use nalgebra::DMatrix;
 
-use super::{Batch, SegmentEnd};
+use super::{Batch, SegmentEnd, revision::Part};
 use crate::nn::{Mlp, Pass};
 
-/// Raise it when what this file computes changes; whose runs that makes stale, [`revision`](super::revision) knows.
-pub const REVISION: u32 = 1;
+/// Raise its revision when what this file computes changes.
+pub static PART: Part = Part { name: "gae", revision: 1, uses: &[] };
 
 /// Advantages and the value network's targets, one a sample.
 #[derive(Debug, Clone, PartialEq)]

@@ -7,15 +7,45 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     Agent,
-    adversarial::Adversarial,
+    adversarial::{self, Adversarial},
+    definition::{About, Definition, Learner},
     discriminator::{self, Discriminator},
     pofd::PolicyUpdate,
-    ppo, trpo,
+    ppo,
+    revision::Part,
+    trpo,
 };
 use crate::{demo::Demonstration, env::EnvId, rng::Seed};
 
-/// Raise it when what this file computes changes; whose runs that makes stale, [`revision`](super::revision) knows.
-pub const REVISION: u32 = 1;
+/// Raise its revision when what this file computes changes.
+pub static PART: Part =
+    Part { name: "gail", revision: 1, uses: &[&adversarial::PART, &discriminator::PART, &ppo::PART, &trpo::PART] };
+
+/// GAIL as an algorithm of the catalogue.
+pub static GAIL: Definition<Hyperparameters> = Definition {
+    about: About {
+        name: "gail",
+        label: "GAIL",
+        demonstration: true,
+        dense: false,
+        trains: true,
+        steps: None,
+        passes: 60.0,
+        part: Some(&PART),
+        later: &[],
+    },
+    defaults: Hyperparameters::for_env,
+    cloning: None,
+    start: |hyperparameters, start| {
+        let seed = start.seed;
+        let (agent, demonstration) = start.with_demonstration()?;
+        Ok(Learner::on_policy(gail(hyperparameters, agent, &demonstration, seed)))
+    },
+    operations: |h, counter| {
+        let inner = h.policy_update.operations(&h.ppo, &h.trpo, counter);
+        adversarial::operations(h.discriminator.updates, inner, counter)
+    },
+};
 
 /// GAIL's hyperparameters.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]

@@ -34,9 +34,12 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     Agent, AlgoError, Batch, OnPolicy, Update,
-    critic::Critic,
+    critic::{self, Critic},
+    definition::{About, Definition, Learner},
     finite, gae,
-    mimicry::{Costs, Measured, Mimicry, Samples},
+    mimicry::{self, Costs, Measured, Mimicry, Samples},
+    operations::{Counter, Operations},
+    revision::Part,
     stopwatch::Stopwatch,
     trust_region::{self, Found, GAIN_SHARE, KL_MARGIN, Surrogate, Trial},
 };
@@ -54,8 +57,49 @@ use crate::{
 
 pub use hyperparameters::Hyperparameters;
 
-/// Raise it when what this file computes changes; whose runs that makes stale, [`revision`](super::revision) knows.
-pub const REVISION: u32 = 2;
+/// Raise its revision when what this file computes changes.
+pub static PART: Part =
+    Part { name: "mcpo", revision: 2, uses: &[&critic::PART, &gae::PART, &mimicry::PART, &trust_region::PART] };
+
+/// MCPO as an algorithm of the catalogue. Its iteration is Table 1's batch, since the tolerance grows by the iteration.
+pub static MCPO: Definition<Hyperparameters> = Definition {
+    about: About {
+        name: "mcpo",
+        label: "MCPO",
+        demonstration: true,
+        dense: false,
+        trains: true,
+        steps: Some(1024),
+        passes: 50.0,
+        part: Some(&PART),
+        later: &[("max_corrections", "0"), ("recovery_depth", "1")],
+    },
+    defaults: Hyperparameters::for_env,
+    cloning: None,
+    start: |hyperparameters, start| {
+        let seed = start.seed;
+        let (agent, demonstration) = start.with_demonstration()?;
+        Ok(Learner::on_policy(Mcpo::new(hyperparameters, agent, &demonstration, seed)))
+    },
+    operations,
+};
+
+/// The operations of an update.
+fn operations(h: &Hyperparameters, counter: &Counter<'_>) -> Vec<Operations> {
+    let update = counter.update;
+    let at_states = h.mmd.samples == Samples::DemoStates;
+    let no_step = update.case.as_deref() == Some("infeasible") && at_states;
+    let stays = update.case.as_deref() == Some("degenerate_g") && update.mmd <= update.d;
+    let trials = if no_step || stays { 0.0 } else { counter.trials(h.line_search_steps) };
+    let mut parts = vec![counter.values(), counter.surrogate_gradient()];
+    parts.push(mimicry::operations(h.mmd.samples, h.value_epochs, trials, counter));
+    parts.extend(trust_region::operations(h.fisher_samples, trials, counter));
+    if at_states && update.recovery_steps.is_some() {
+        parts.push(("recovery", mimicry::descent_operations(counter)));
+    }
+    parts.push(counter.value_epochs(h.value_epochs));
+    parts
+}
 
 /// The constraint is met where D exceeds the tolerance by less than this share of it: a correction ends near the bound, on
 /// either side.

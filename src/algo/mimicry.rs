@@ -21,18 +21,20 @@ use super::{
     Agent, AlgoError, Batch,
     critic::{self, Critic},
     finite, gae,
-    trust_region::Surrogate,
+    operations::{Counter, Operations},
+    revision::Part,
+    trust_region::{self, Surrogate},
 };
 use crate::{
     demo::{Bandwidth, Demonstration, Estimator, Kernel, Standardizer, mmd::Target, stack},
     nn::{GaussianPolicy, Mlp, Pass},
-    quantity::constant,
+    quantity::{Count, constant},
     rng::{Rng, Seed, Stream},
     solver::adam::Adam,
 };
 
-/// Raise it when what this file computes changes; whose runs that makes stale, [`revision`](super::revision) knows.
-pub const REVISION: u32 = 1;
+/// Raise its revision when what this file computes changes.
+pub static PART: Part = Part { name: "mimicry", revision: 1, uses: &[&critic::PART, &gae::PART, &trust_region::PART] };
 
 /// How MMD^2 to the demonstration is measured.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -254,6 +256,34 @@ impl Mimicry {
             }
         }
     }
+}
+
+/// The operations of D and b, and of D at each of the `trials` of a line search.
+pub(super) fn operations(samples: Samples, value_epochs: Count, trials: f64, counter: &Counter<'_>) -> Operations {
+    let &Counter { n, m, policy, .. } = counter;
+    let operations = match samples {
+        Samples::DemoStates => descent_step(counter) + trials * (m * policy.forward() + kernel(m, counter)),
+        Samples::Rollout => {
+            kernel(n, counter) + n * policy.vjp() + counter.values().1 + counter.value_epochs(value_epochs).1
+        }
+    };
+    ("mimicry", operations)
+}
+
+/// The operations of a descent on D at the demonstration's states: D and its gradient before each step and after the last.
+pub(super) fn descent_operations(counter: &Counter<'_>) -> f64 {
+    (counter.update.recovery_steps.unwrap_or(0) + 1) as f64 * descent_step(counter)
+}
+
+fn descent_step(counter: &Counter<'_>) -> f64 {
+    let &Counter { m, point, policy, .. } = counter;
+    let kernel_gradient = 2.0 * point * (m * m + m * m);
+    m * policy.forward_and_vjp() + kernel(m, counter) + kernel_gradient
+}
+
+/// The operations of the kernel's values among `n` points, and between them and the demonstration's.
+fn kernel(n: f64, counter: &Counter<'_>) -> f64 {
+    2.0 * counter.point * (n * n / 2.0 + n * counter.m)
 }
 
 #[cfg(test)]

@@ -10,8 +10,12 @@
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Agent, AlgoError, Batch, OnPolicy, Update, finite, mimicry,
+    Agent, AlgoError, Batch, OnPolicy, Update,
+    definition::{About, Definition, Learner},
+    finite, mimicry,
     mimicry::{Costs, Mimicry, Samples},
+    operations::{Counter, Operations},
+    revision::Part,
     stopwatch::Stopwatch,
     trpo,
     trust_region::{self, KL_MARGIN, Surrogate},
@@ -24,8 +28,44 @@ use crate::{
     rng::{Rng, Seed},
 };
 
-/// Raise it when what this file computes changes; whose runs that makes stale, [`revision`](super::revision) knows.
-pub const REVISION: u32 = 1;
+/// Raise its revision when what this file computes changes.
+pub static PART: Part = Part { name: "mmd_il", revision: 1, uses: &[&mimicry::PART, &trpo::PART, &trust_region::PART] };
+
+/// MMD imitation as an algorithm of the catalogue.
+pub static MMD_IL: Definition<Hyperparameters> = Definition {
+    about: About {
+        name: "mmd_il",
+        label: "MMD-IL",
+        demonstration: true,
+        dense: false,
+        trains: true,
+        steps: None,
+        passes: 50.0,
+        part: Some(&PART),
+        later: &[],
+    },
+    defaults: Hyperparameters::for_env,
+    cloning: None,
+    start: |hyperparameters, start| {
+        let seed = start.seed;
+        let (agent, demonstration) = start.with_demonstration()?;
+        Ok(Learner::on_policy(MmdIl::new(hyperparameters, agent, &demonstration, seed)))
+    },
+    operations,
+};
+
+/// The operations of an update.
+fn operations(h: &Hyperparameters, counter: &Counter<'_>) -> Vec<Operations> {
+    match h.mmd.samples {
+        Samples::DemoStates => vec![("descent", mimicry::descent_operations(counter))],
+        Samples::Rollout => {
+            let trials = counter.trials(h.trpo.line_search_steps);
+            let mut parts = vec![mimicry::operations(h.mmd.samples, h.trpo.value_epochs, trials, counter)];
+            parts.extend(trust_region::operations(h.trpo.fisher_samples, trials, counter));
+            parts
+        }
+    }
+}
 
 /// MMD imitation's hyperparameters.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]

@@ -1,24 +1,30 @@
 //! The algorithms: one file each, with its hyperparameters, over shared parts.
 //!
 //! Owns what turns a batch of experience into a better policy. Never steps an environment, reads a file or prints. Start
-//! at [`mcpo`], whose update reads like the paper; [`OnPolicy`] is what the training loop sees.
+//! at [`mcpo`], whose update reads like the paper; [`OnPolicy`] is what the training loop sees. A new algorithm is a file with
+//! its [`Definition`] and a line in the [`catalogue`], or a crate of its own that calls [`catalogue::register`].
 
 pub mod adversarial;
+mod algorithm;
 #[cfg(test)]
 mod bandit;
 pub mod batch;
+pub mod catalogue;
 pub mod cloning;
 pub mod critic;
+pub mod definition;
 pub mod discriminator;
 pub mod gae;
 pub mod gail;
 pub mod mcpo;
 pub mod mimicry;
 pub mod mmd_il;
+pub mod operations;
 pub mod penalty;
 pub mod pofd;
 pub mod ppo;
 pub mod pretraining;
+mod random;
 #[cfg(test)]
 mod reference;
 pub mod revision;
@@ -29,7 +35,9 @@ pub mod trust_region;
 
 use serde::{Deserialize, Serialize};
 
+pub use algorithm::{Algorithm, Entry};
 pub use batch::{Batch, Segment, SegmentEnd};
+pub use definition::{About, Definition, Learner, Start};
 
 use crate::{
     nn::{GaussianPolicy, Mlp, Normalizer},
@@ -84,6 +92,9 @@ pub enum AlgoError {
         /// What the reader said.
         source: postcard::Error,
     },
+    /// An algorithm takes a demonstration that its definition does not ask for.
+    #[error("this algorithm learns from a demonstration, and its definition does not say so")]
+    NoDemonstration,
     /// The demonstration does not fit the algorithm.
     #[error(transparent)]
     Demonstration(#[from] crate::demo::DemoError),
@@ -155,13 +166,17 @@ pub struct Update {
     pub seconds: Vec<(String, f64)>,
 }
 
-/// The bytes of a saved state.
-fn to_bytes<T: Serialize>(state: &T) -> Vec<u8> {
+/// The bytes of a `state` to be saved.
+pub fn to_bytes<T: Serialize>(state: &T) -> Vec<u8> {
     postcard::to_stdvec(state).expect("a state of numbers and vectors always serialises")
 }
 
 /// The state of `algorithm` saved in `bytes`.
-fn from_bytes<'a, T: Deserialize<'a>>(algorithm: &'static str, bytes: &'a [u8]) -> Result<T, AlgoError> {
+///
+/// # Errors
+///
+/// The bytes are of another state.
+pub fn from_bytes<'a, T: Deserialize<'a>>(algorithm: &'static str, bytes: &'a [u8]) -> Result<T, AlgoError> {
     postcard::from_bytes(bytes).map_err(|source| AlgoError::State { algorithm, source })
 }
 

@@ -11,9 +11,11 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     Agent, AlgoError, Batch, OnPolicy, Update,
-    critic::Critic,
+    critic::{self, Critic},
+    definition::{About, Definition, Learner},
     finite, gae, mimicry,
     mimicry::{Costs, Mimicry},
+    revision::Part,
     stopwatch::Stopwatch,
     trpo,
     trust_region::{self, GAIN_SHARE, KL_MARGIN, Surrogate},
@@ -26,8 +28,40 @@ use crate::{
     rng::{Rng, Seed},
 };
 
-/// Raise it when what this file computes changes; whose runs that makes stale, [`revision`](super::revision) knows.
-pub const REVISION: u32 = 1;
+/// Raise its revision when what this file computes changes.
+pub static PART: Part = Part {
+    name: "penalty",
+    revision: 1,
+    uses: &[&critic::PART, &gae::PART, &mimicry::PART, &trpo::PART, &trust_region::PART],
+};
+
+/// The penalty method as an algorithm of the catalogue.
+pub static PENALTY: Definition<Hyperparameters> = Definition {
+    about: About {
+        name: "penalty",
+        label: "Penalty",
+        demonstration: true,
+        dense: false,
+        trains: true,
+        steps: None,
+        passes: 60.0,
+        part: Some(&PART),
+        later: &[],
+    },
+    defaults: Hyperparameters::for_env,
+    cloning: None,
+    start: |hyperparameters, start| {
+        let seed = start.seed;
+        let (agent, demonstration) = start.with_demonstration()?;
+        Ok(Learner::on_policy(Penalty::new(hyperparameters, agent, &demonstration, seed)))
+    },
+    operations: |h, counter| {
+        let trials = counter.trials(h.trpo.line_search_steps);
+        let mut parts = trpo::operations(&h.trpo, counter);
+        parts.push(mimicry::operations(h.mmd.samples, h.trpo.value_epochs, trials, counter));
+        parts
+    },
+};
 
 /// The penalty method's hyperparameters.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]

@@ -10,9 +10,12 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     Agent, OnPolicy,
-    adversarial::Adversarial,
+    adversarial::{self, Adversarial},
+    definition::{About, Definition, Learner},
     discriminator::{self, Discriminator},
+    operations::{Counter, Operations},
     ppo::{self, Ppo},
+    revision::Part,
     trpo::{self, Trpo},
 };
 use crate::{
@@ -22,8 +25,35 @@ use crate::{
     rng::Seed,
 };
 
-/// Raise it when what this file computes changes; whose runs that makes stale, [`revision`](super::revision) knows.
-pub const REVISION: u32 = 1;
+/// Raise its revision when what this file computes changes.
+pub static PART: Part =
+    Part { name: "pofd", revision: 1, uses: &[&adversarial::PART, &discriminator::PART, &ppo::PART, &trpo::PART] };
+
+/// POfD as an algorithm of the catalogue.
+pub static POFD: Definition<Hyperparameters> = Definition {
+    about: About {
+        name: "pofd",
+        label: "POfD",
+        demonstration: true,
+        dense: false,
+        trains: true,
+        steps: None,
+        passes: 60.0,
+        part: Some(&PART),
+        later: &[],
+    },
+    defaults: Hyperparameters::for_env,
+    cloning: None,
+    start: |hyperparameters, start| {
+        let seed = start.seed;
+        let (agent, demonstration) = start.with_demonstration()?;
+        Ok(Learner::on_policy(pofd(hyperparameters, agent, &demonstration, seed)))
+    },
+    operations: |h, counter| {
+        let inner = h.policy_update.operations(&h.ppo, &h.trpo, counter);
+        adversarial::operations(h.discriminator.updates, inner, counter)
+    },
+};
 
 /// POfD's hyperparameters.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -76,6 +106,19 @@ impl PolicyUpdate {
         match self {
             Self::Ppo => Box::new(Ppo::new(ppo, agent)),
             Self::Trpo => Box::new(Trpo::new(trpo, agent)),
+        }
+    }
+
+    /// The operations of the update.
+    pub(super) fn operations(
+        self,
+        ppo: &ppo::Hyperparameters,
+        trpo: &trpo::Hyperparameters,
+        counter: &Counter<'_>,
+    ) -> Vec<Operations> {
+        match self {
+            Self::Ppo => ppo::operations(ppo, counter),
+            Self::Trpo => trpo::operations(trpo, counter),
         }
     }
 }

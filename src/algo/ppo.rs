@@ -15,7 +15,10 @@ use serde::{Deserialize, Serialize};
 use super::{
     Agent, AlgoError, Batch, OnPolicy, Update, critic,
     critic::{Critic, gather},
+    definition::{About, Definition, Learner, Start},
     finite, gae,
+    operations::{Counter, Operations},
+    revision::Part,
     stopwatch::Stopwatch,
 };
 use crate::{
@@ -26,8 +29,55 @@ use crate::{
     solver::{adam::Adam, dot},
 };
 
-/// Raise it when what this file computes changes; whose runs that makes stale, [`revision`](super::revision) knows.
-pub const REVISION: u32 = 1;
+/// Raise its revision when what this file computes changes.
+pub static PART: Part = Part { name: "ppo", revision: 1, uses: &[&critic::PART, &gae::PART] };
+
+/// PPO on the task's reward as an algorithm of the catalogue.
+pub static PPO: Definition<Hyperparameters> = Definition {
+    about: About {
+        name: "ppo",
+        label: "PPO",
+        demonstration: false,
+        dense: false,
+        trains: true,
+        steps: None,
+        passes: 60.0,
+        part: Some(&PART),
+        later: &[],
+    },
+    defaults: Hyperparameters::for_env,
+    cloning: None,
+    start,
+    operations,
+};
+
+/// PPO on the dense reward: the upper end of the scale of returns.
+pub static EXPERT: Definition<Hyperparameters> = Definition {
+    about: About {
+        name: "expert",
+        label: "Expert",
+        demonstration: false,
+        dense: true,
+        trains: true,
+        steps: None,
+        passes: 60.0,
+        part: Some(&PART),
+        later: &[],
+    },
+    defaults: Hyperparameters::for_env,
+    cloning: None,
+    start,
+    operations,
+};
+
+fn start(hyperparameters: Hyperparameters, start: Start) -> Result<Learner, AlgoError> {
+    Ok(Learner::on_policy(Ppo::new(hyperparameters, start.agent)))
+}
+
+/// The operations of an update.
+pub(super) fn operations(h: &Hyperparameters, counter: &Counter<'_>) -> Vec<Operations> {
+    vec![counter.values(), counter.policy_epochs(h.epochs), counter.value_epochs(h.epochs)]
+}
 
 /// PPO's hyperparameters; the defaults are the paper's Table 1 where it names one.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]

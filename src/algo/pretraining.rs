@@ -12,7 +12,9 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     Agent, AlgoError, Batch, OnPolicy, Update, cloning,
+    definition::{About, Definition, Learner},
     ppo::{self, Ppo},
+    revision::Part,
 };
 use crate::{
     demo::Demonstration,
@@ -21,8 +23,30 @@ use crate::{
     rng::{Rng, Seed, Stream},
 };
 
-/// Raise it when what this file computes changes; whose runs that makes stale, [`revision`](super::revision) knows.
-pub const REVISION: u32 = 1;
+/// Raise its revision when what this file computes changes.
+pub static PART: Part = Part { name: "pretraining", revision: 1, uses: &[&cloning::PART, &ppo::PART] };
+
+/// Pre-training as an algorithm of the catalogue.
+pub static PRETRAINING: Definition<Hyperparameters> = Definition {
+    about: About {
+        name: "pretraining",
+        label: "Pre-training",
+        demonstration: true,
+        dense: false,
+        trains: true,
+        steps: None,
+        passes: 60.0,
+        part: Some(&PART),
+        later: &[],
+    },
+    defaults: Hyperparameters::for_env,
+    cloning: Some(|hyperparameters| &hyperparameters.cloning),
+    start: |hyperparameters, start| {
+        let (agent, demonstration) = start.with_demonstration()?;
+        Ok(Learner::on_policy(Pretrained::new(hyperparameters, agent, demonstration)))
+    },
+    operations: |hyperparameters, counter| ppo::operations(&hyperparameters.ppo, counter),
+};
 
 /// Pre-training's hyperparameters.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -61,7 +85,9 @@ impl Pretraining<'_> {
         let Self { hyperparameters, agent, demonstration, seed } = self;
         let (observations, actions) = (&demonstration.observations, &demonstration.actions);
         let numbers = (observations.shape(), observations.as_slice(), actions.shape(), actions.as_slice());
-        blake3::hash(&super::to_bytes(&(cloning::REVISION, hyperparameters, agent, numbers, seed))).to_hex().to_string()
+        blake3::hash(&super::to_bytes(&(cloning::PART.revision, hyperparameters, agent, numbers, seed)))
+            .to_hex()
+            .to_string()
     }
 
     /// The agent after behaviour cloning, which calls `alive` after each epoch; what follows is PPO as it is.

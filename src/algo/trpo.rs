@@ -7,7 +7,10 @@ use serde::{Deserialize, Serialize};
 use super::{
     Agent, AlgoError, Batch, OnPolicy, Update,
     critic::{self, Critic},
+    definition::{About, Definition, Learner},
     finite, gae,
+    operations::{Counter, Operations},
+    revision::Part,
     stopwatch::Stopwatch,
     trust_region::{self, GAIN_SHARE, KL_MARGIN, Region, Surrogate},
 };
@@ -18,8 +21,35 @@ use crate::{
     rng::Rng,
 };
 
-/// Raise it when what this file computes changes; whose runs that makes stale, [`revision`](super::revision) knows.
-pub const REVISION: u32 = 1;
+/// Raise its revision when what this file computes changes.
+pub static PART: Part = Part { name: "trpo", revision: 1, uses: &[&critic::PART, &gae::PART, &trust_region::PART] };
+
+/// TRPO as an algorithm of the catalogue.
+pub static TRPO: Definition<Hyperparameters> = Definition {
+    about: About {
+        name: "trpo",
+        label: "TRPO",
+        demonstration: false,
+        dense: false,
+        trains: true,
+        steps: None,
+        passes: 50.0,
+        part: Some(&PART),
+        later: &[],
+    },
+    defaults: Hyperparameters::for_env,
+    cloning: None,
+    start: |hyperparameters, start| Ok(Learner::on_policy(Trpo::new(hyperparameters, start.agent))),
+    operations,
+};
+
+/// The operations of an update.
+pub(super) fn operations(h: &Hyperparameters, counter: &Counter<'_>) -> Vec<Operations> {
+    let mut parts = vec![counter.values(), counter.surrogate_gradient()];
+    parts.extend(trust_region::operations(h.fisher_samples, counter.trials(h.line_search_steps), counter));
+    parts.push(counter.value_epochs(h.value_epochs));
+    parts
+}
 
 /// TRPO's hyperparameters; the defaults are MCPO's.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]

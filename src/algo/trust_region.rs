@@ -11,9 +11,14 @@
 
 use nalgebra::DMatrix;
 
-use super::Batch;
+use super::{
+    Batch,
+    operations::{Counter, Operations},
+    revision::Part,
+};
 use crate::{
     nn::{Fisher, GaussianPolicy, Pass},
+    quantity::Count,
     solver::{
         ConstrainedStep, LinearConstraint, Step, Theta,
         conjugate_gradient::Limits,
@@ -23,8 +28,8 @@ use crate::{
     },
 };
 
-/// Raise it when what this file computes changes; whose runs that makes stale, [`revision`](super::revision) knows.
-pub const REVISION: u32 = 1;
+/// Raise its revision when what this file computes changes.
+pub static PART: Part = Part { name: "trust_region", revision: 1, uses: &[] };
 
 /// The line search accepts a real KL up to this multiple of `max_kl`: the quadratic model, whose KL is `max_kl` itself, is
 /// off by some percent either way, and a strict bound would halve every other good step.
@@ -97,6 +102,18 @@ impl Region {
 /// One of so many of `n` samples is taken, so that there are at most `most`.
 pub fn spacing(n: usize, most: usize) -> usize {
     n.div_ceil(most).max(1)
+}
+
+/// The operations of conjugate gradient, and of the policy's passes in `trials` of the line search.
+pub(super) fn operations(fisher_samples: Count, trials: f64, counter: &Counter<'_>) -> [Operations; 2] {
+    let &Counter { n, policy, update, .. } = counter;
+    let samples = (n / spacing(n as usize, fisher_samples.size()) as f64).ceil();
+    let products = update.cg_iterations.unwrap_or(0) as f64;
+    let once = if products > 0.0 { policy.sensitivities } else { 0.0 };
+    [
+        ("Fisher products", samples * (products * policy.fisher_product + once)),
+        ("line search", trials * n * policy.forward()),
+    ]
 }
 
 /// Moves `policy` by the first of 1, 1/2, 1/4 ... of `step` that `judge` accepts, in at most `trials` trials, and gives the

@@ -1,35 +1,30 @@
 //! How fast training is, and how fast this core could do it.
 //!
 //! Owns the measuring of a few iterations and the floor under them: the physics alone on the same steps, and the
-//! [operations](operations) of the networks' passes at the rate of the best product. Knows nothing of how this is shown. Start
+//! [operations] of the networks' passes at the rate of the best product. Knows nothing of how this is shown. Start
 //! at [`measure`].
 //!
 //! Ratios are taken by CPU time, which other work on the machine does not stretch (it still takes caches and clock rate
 //! away); on an idle machine the wall's says the same.
 
 mod clock;
-mod operations;
 mod rate;
 
 use std::{collections::BTreeMap, io};
 
 use serde::{Serialize, Serializer};
 
+pub use crate::algo::operations::Shapes;
 use crate::{
-    algo::{Agent, OnPolicy, SegmentEnd},
+    algo::{Agent, Learner, OnPolicy, SegmentEnd, operations},
     demo::Demonstration,
     env::EnvError,
     plan::RunSpec,
     record::{self, Checkpoint, RecordError},
     rng::Stream,
-    train::{
-        EvaluationEpisode, Flow, Iteration, RunSink, SinkError, TrainError,
-        build::{self, Learner},
-        rollout::Rollout,
-    },
+    train::{EvaluationEpisode, Flow, Iteration, RunSink, SinkError, TrainError, build, rollout::Rollout},
 };
 use clock::{Seconds, timed};
-pub use operations::Shapes;
 pub use rate::Rate;
 
 /// Why there is nothing to show.

@@ -9,21 +9,29 @@ use std::collections::BTreeMap;
 use serde_json::Value;
 
 use super::RunSpec;
+use crate::spec::Algorithm;
 
 /// Keys that are no settings: names, places, and what reports are made of.
 const NAMES: [&str; 5] = ["experiment", "id", "axes", "columns", "demonstration"];
 /// Settings that cannot change training: how long it goes on, how it is watched, and what is kept of it.
 const WATCHING: [&str; 3] = ["budget", "evaluation", "checkpoint"];
 
-/// Settings and hyperparameters that came after runs of record, each with the value under which nothing changes, as JSON.
+/// Settings that came after runs of record, each with the value under which nothing changes, as JSON; hyperparameters that did
+/// stand in their [algorithms' definitions](crate::spec::Algorithm::later).
 ///
 /// A run with that value has the fingerprint that it had before the key was there, and a record that does not name the key is
-/// read as if it did. So a new hyperparameter needs a line here, and voids the runs alone that set it otherwise.
-const LATER: &[(&str, &str)] = &[("mcpo.max_corrections", "0"), ("mcpo.recovery_depth", "1")];
+/// read as if it did. So a new setting needs a line here, and voids the runs alone that set it otherwise.
+const LATER: &[(&str, &str)] = &[];
+
+/// All keys that came after runs of record, each with its neutral value.
+fn later() -> Vec<(String, &'static str)> {
+    let settings = LATER.iter().map(|(key, neutral)| ((*key).to_owned(), *neutral));
+    settings.chain(Algorithm::later()).collect()
+}
 
 /// What decides the numbers of `run`, by key.
 pub(super) fn canonical(run: &RunSpec) -> BTreeMap<String, String> {
-    without_neutral(decisive(&all(run)), LATER)
+    without_neutral(decisive(&all(run)), &later())
 }
 
 /// Every setting and hyperparameter of `run`, by key; names and places are none.
@@ -44,10 +52,10 @@ fn decisive(lines: &BTreeMap<String, String>) -> BTreeMap<String, String> {
 }
 
 /// `lines` without those whose values change nothing.
-fn without_neutral(mut lines: BTreeMap<String, String>, later: &[(&str, &str)]) -> BTreeMap<String, String> {
+fn without_neutral(mut lines: BTreeMap<String, String>, later: &[(String, &str)]) -> BTreeMap<String, String> {
     for (key, neutral) in later {
         let mut neutrals = BTreeMap::new();
-        flatten((*key).to_owned(), &json(neutral), &mut neutrals);
+        flatten(key.clone(), &json(neutral), &mut neutrals);
         if neutrals.iter().all(|(key, value)| lines.get(key) == Some(value)) {
             neutrals.keys().for_each(|key| drop(lines.remove(key)));
         }
@@ -59,15 +67,15 @@ fn without_neutral(mut lines: BTreeMap<String, String>, later: &[(&str, &str)]) 
 ///
 /// Errors: it is no run, or of a program whose runs this one cannot read.
 pub fn recorded(spec: &Value) -> Result<RunSpec, serde_json::Error> {
-    serde_json::from_value(with_later(spec.clone(), LATER))
+    serde_json::from_value(with_later(spec.clone(), &later()))
 }
 
 /// `spec` with the settings that its program did not know yet.
-fn with_later(mut spec: Value, later: &[(&str, &str)]) -> Value {
+fn with_later(mut spec: Value, later: &[(String, &str)]) -> Value {
     for (key, neutral) in later {
         let (place, name) = match key.rsplit_once('.') {
             Some((table, name)) => (format!("/{}", table.replace('.', "/")), name),
-            None => (String::new(), *key),
+            None => (String::new(), key.as_str()),
         };
         let places = if place.is_empty() { vec![place] } else { vec![format!("/algorithm{place}"), place] };
         let table = places.iter().find(|place| spec.pointer(place).is_some());
@@ -139,7 +147,7 @@ mod tests {
 
     #[test]
     fn a_later_key_counts_only_where_it_changes_something() {
-        let later = [("mcpo.corrections", "0"), ("mcpo.depth", r#"{ "share": 1.0 }"#)];
+        let later = [("mcpo.corrections".to_owned(), "0"), ("mcpo.depth".to_owned(), r#"{ "share": 1.0 }"#)];
         let before = json!({ "mcpo": { "d": 0.5 } });
         let neutral = json!({ "mcpo": { "d": 0.5, "corrections": 0.0, "depth": { "share": 1 } } });
         let other = json!({ "mcpo": { "d": 0.5, "corrections": 3, "depth": { "share": 0.5 } } });
@@ -150,7 +158,7 @@ mod tests {
 
     #[test]
     fn a_record_that_does_not_know_a_later_key_is_read_with_its_neutral_value() {
-        let later = [("mcpo.corrections", "0"), ("rollout.order", "\"time\"")];
+        let later = [("mcpo.corrections".to_owned(), "0"), ("rollout.order".to_owned(), "\"time\"")];
         let spec = json!({ "algorithm": { "mcpo": { "d": 0.5 } }, "rollout": { "steps": 8 } });
         let read = with_later(spec, &later);
         assert_eq!(read["algorithm"]["mcpo"]["corrections"], json!(0));
@@ -162,9 +170,9 @@ mod tests {
     #[test]
     fn every_later_key_is_one_that_some_run_has() {
         let named = |key: &str| crate::spec::Parameter::find(key).is_some();
-        for (key, neutral) in LATER {
+        for (key, neutral) in later() {
             json(neutral);
-            assert!(named(key), "{key}");
+            assert!(named(&key), "{key}");
         }
     }
 }

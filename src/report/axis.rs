@@ -6,7 +6,7 @@
 use std::collections::{BTreeSet, HashMap};
 
 use super::recorded::Run;
-use crate::{env::EnvId, plan::Selection};
+use crate::{env::EnvId, plan::Selection, spec::Algorithm};
 
 /// Runs that agree on all keys of a grouping; they differ in their seeds.
 #[derive(Debug, Clone, PartialEq)]
@@ -207,22 +207,9 @@ fn kind_name(kind: &str) -> String {
     if kind.starts_with("sparse") { kind.to_uppercase() } else { kind.to_owned() }
 }
 
-/// The paper's spelling of an algorithm's name; the name itself where the paper has none.
+/// The paper's spelling of an algorithm's name; the name itself where it is of no algorithm.
 pub fn display_name(name: &str) -> &str {
-    match name {
-        "pretraining" => "Pre-training",
-        "pofd" => "POfD",
-        "mcpo" => "MCPO",
-        "expert" => "Expert",
-        "random" => "Random",
-        "ppo" => "PPO",
-        "mmd_il" => "MMD-IL",
-        "trpo" => "TRPO",
-        "gail" => "GAIL",
-        "bc" => "BC",
-        "penalty" => "Penalty",
-        other => other,
-    }
+    Algorithm::label(name).unwrap_or(name)
 }
 
 /// `digits` (with an optional minus) raised.

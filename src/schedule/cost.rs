@@ -16,27 +16,22 @@ impl CostModel {
     pub fn learn(&mut self, spec: &RunSpec, manifest: &Manifest) {
         let (seconds, work) = self.recorded.entry(key(spec)).or_default();
         *seconds += manifest.seconds;
-        *work += if is_offline(spec) { 1 } else { manifest.env_steps };
+        *work += if !spec.algorithm.trains() { 1 } else { manifest.env_steps };
     }
 
     /// The expected seconds of `spec` in one process on one core.
     pub fn seconds(&self, spec: &RunSpec) -> f64 {
         let steps = spec.budget.env_steps.get() as f64;
         match self.recorded.get(&key(spec)) {
-            Some(&(seconds, runs)) if is_offline(spec) => seconds / runs as f64,
+            Some(&(seconds, runs)) if !spec.algorithm.trains() => seconds / runs as f64,
             Some(&(seconds, recorded)) if recorded > 0 => steps * seconds / recorded as f64,
-            _ if is_offline(spec) => {
+            _ if !spec.algorithm.trains() => {
                 let longest = spec.evaluation.final_episodes.get().saturating_mul(spec.max_steps);
                 longest as f64 * physics_seconds(spec.env)
             }
             _ => steps * (physics_seconds(spec.env) + network_seconds(spec)),
         }
     }
-}
-
-/// Whether the run takes no step of training: its last evaluation is what lasts, beside which cloning is soon done.
-fn is_offline(spec: &RunSpec) -> bool {
-    matches!(spec.algorithm_name(), "random" | "bc")
 }
 
 fn key(spec: &RunSpec) -> (EnvId, String) {
@@ -58,17 +53,10 @@ fn physics_seconds(env: EnvId) -> f64 {
 
 /// Seconds that the networks take for one environment step.
 fn network_seconds(spec: &RunSpec) -> f64 {
-    // Forward passes, or what takes as many operations, that one step's sample goes through: ten epochs of two networks
-    // there and back, or the value network's epochs, twenty products of conjugate gradient on a fourth of the samples,
-    // each two, and the gradients and the line search.
-    let passes = match spec.algorithm_name() {
-        "mcpo" | "trpo" | "mmd_il" => 50.0,
-        _ => 60.0,
-    };
     let hidden: Vec<f64> = spec.network.hidden.iter().map(|width| width.get() as f64).collect();
     let inside: f64 = hidden.windows(2).map(|pair| pair[0] * pair[1]).sum();
     let outside = 20.0 * hidden.iter().sum::<f64>(); // an input and an output of some 20 numbers
-    let operations = 2.0 * (inside + outside) * passes;
+    let operations = 2.0 * (inside + outside) * spec.algorithm.about().passes;
     operations / 1e11 // f32 operations per second on one core
 }
 

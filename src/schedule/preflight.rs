@@ -8,7 +8,6 @@ use std::{
 
 use super::state::{Planned, RunState};
 use crate::{
-    algo,
     demo::{DemoError, Demonstration},
     env::{self, EnvId},
     plan::{RunSpec, Versions},
@@ -122,7 +121,7 @@ pub fn plan(specs: Vec<RunSpec>, results: &Path) -> Result<Vec<Planned>, Problem
 fn versions(spec: &RunSpec) -> Versions {
     let model = env::model_digest(spec.env);
     Versions {
-        revisions: algo::revision::of(spec.algorithm_name()),
+        revisions: spec.algorithm.revisions(),
         env: env::revision(spec.env),
         mujoco: model.is_some().then(|| env::engine_version().to_owned()),
         model,

@@ -5,7 +5,7 @@
 
 use std::{borrow::Cow, ops::Range, sync::LazyLock};
 
-use schemars::{JsonSchema, generate::SchemaSettings};
+use schemars::{JsonSchema, SchemaGenerator, generate::SchemaSettings};
 use serde::{Serialize, de::DeserializeOwned};
 use serde_json::Value as Json;
 use toml::{
@@ -14,21 +14,26 @@ use toml::{
 };
 
 use super::{
-    Algorithm, Claim, Figure, Settings, SettingsTable, Slurm, Table,
+    Claim, Figure, Settings, SettingsTable, Slurm, Table,
     names::{date_in_words, plain},
 };
-use crate::{env::EnvId, quantity::constant};
+use crate::{
+    algo::{Entry, catalogue},
+    env::EnvId,
+    quantity::constant,
+};
 
 /// A table of the file whose keys are the fields of one type.
 pub(super) struct Section {
     /// The JSON Schema of the type, with nothing left to references.
     schema: Json,
-    /// A valid value of the type as TOML text, inside `tag` where there is one.
+    /// A valid value of the type as TOML text.
     specimen: String,
-    /// The variant that holds the table, for algorithms.
-    tag: Option<&'static str>,
-    read: fn(Spanned<DeTable<'_>>) -> Result<(), toml::de::Error>,
+    read: Box<Read>,
 }
+
+/// Reads a table, and tells what is wrong with it.
+type Read = dyn Fn(Spanned<DeTable<'_>>) -> Result<(), toml::de::Error> + Send + Sync;
 
 /// Why a value was refused.
 #[derive(Debug, PartialEq)]
@@ -41,19 +46,23 @@ pub(super) struct Refusal {
 
 impl Section {
     /// The section of the type `T`.
-    pub(super) fn of<T: Serialize + DeserializeOwned + JsonSchema>(specimen: &T) -> Self {
-        Self { schema: schema::<T>(), specimen: text(specimen), tag: None, read: read::<T> }
+    pub(super) fn of<T: Serialize + DeserializeOwned + JsonSchema + 'static>(specimen: &T) -> Self {
+        Self {
+            schema: generator().into_root_schema_for::<T>().to_value(),
+            specimen: text(specimen),
+            read: Box::new(read::<T>),
+        }
     }
 
     /// The section of an algorithm's hyperparameters.
-    fn algorithm(specimen: &Algorithm) -> Self {
-        let name = specimen.name();
-        let schema = schema::<Algorithm>()["oneOf"]
-            .as_array()
-            .and_then(|variants| variants.iter().find_map(|variant| variant["properties"].get(name)))
-            .cloned()
-            .expect("the schema of an externally tagged enum has every variant");
-        Self { schema, specimen: text(specimen), tag: Some(name), read: read::<Algorithm> }
+    fn algorithm(entry: &'static dyn Entry) -> Self {
+        let mut schema = entry.schema(generator());
+        schema.as_object_mut().and_then(|fields| fields.remove("title"));
+        Self {
+            schema,
+            specimen: text(&entry.defaults(EnvId::HalfCheetah).hyperparameters()),
+            read: Box::new(|table| entry.read(Deserializer::from(table)).map(drop)),
+        }
     }
 
     /// The JSON Schema of the key at `path`; `None` when there is no such key.
@@ -81,8 +90,7 @@ impl Section {
     /// Whether `value` may stand at `path`.
     pub(super) fn check<'a>(&'a self, path: &[&str], value: &Spanned<DeValue<'a>>) -> Result<(), Refusal> {
         let mut candidate = DeTable::parse(&self.specimen).expect("what was written as TOML is TOML");
-        let path: Vec<&str> = self.tag.iter().copied().chain(path.iter().copied()).collect();
-        put(candidate.get_mut(), &path, value.clone());
+        put(candidate.get_mut(), path, value.clone());
         (self.read)(candidate).map_err(|error| {
             let whole = value.span();
             let part = error.span().filter(|part| whole.start <= part.start && part.end <= whole.end);
@@ -145,9 +153,7 @@ impl Catalog {
             claim: Section::of(&Claim::specimen()),
             settings_table: Section::of(&SettingsTable::specimen()),
             slurm: Section::of(&Submitted { slurm: Slurm::specimen() }),
-            algorithms: Algorithm::names()
-                .filter_map(|name| Some((name, Section::algorithm(&Algorithm::defaults(name, EnvId::HalfCheetah)?))))
-                .collect(),
+            algorithms: catalogue::all().map(|entry| (entry.about().name, Section::algorithm(entry))).collect(),
         });
         &CATALOG
     }
@@ -163,16 +169,13 @@ impl Catalog {
     }
 }
 
-/// The JSON Schema of `T` with every type written out where it is used.
-fn schema<T: JsonSchema>() -> Json {
-    SchemaSettings::draft2020_12()
-        .with(|settings| {
-            settings.inline_subschemas = true;
-            settings.meta_schema = None;
-        })
-        .into_generator()
-        .into_root_schema_for::<T>()
-        .to_value()
+/// Makes JSON Schemas with every type written out where it is used.
+fn generator() -> SchemaGenerator {
+    let settings = SchemaSettings::draft2020_12().with(|settings| {
+        settings.inline_subschemas = true;
+        settings.meta_schema = None;
+    });
+    settings.into_generator()
 }
 
 /// `value` as TOML text.

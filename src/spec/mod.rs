@@ -3,7 +3,6 @@
 //! Owns the format, the layers that make it up, and the errors that point at a line. Knows nothing of how runs are made
 //! or trained. Start at [`load`] and [`ExperimentSpec`]; the format is documented in `experiments/format.md`.
 
-mod algorithm;
 mod assemble;
 mod catalog;
 mod check;
@@ -27,7 +26,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-pub use algorithm::Algorithm;
+pub use crate::algo::Algorithm;
 pub use claim::{Claim, Environments, Part, Relation};
 pub use drawn::{Band, Panels, Width};
 pub use error::{Place, SpecError, SpecErrors};

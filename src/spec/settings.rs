@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use crate::{
+    algo::catalogue,
     env::{EnvId, Reward},
     quantity::{Count, EnvSteps, Positive, constant},
 };
@@ -99,17 +100,14 @@ impl Settings {
     pub fn defaults(env: EnvId, algorithm: &str, env_steps: EnvSteps) -> Self {
         let episodes = constant(2);
         let max_steps = count(env.max_steps());
+        let of_env = || constant(if env == EnvId::MountainCar { 2048 } else { 4096 });
         Self {
             reward: env.sparse_reward(),
             max_steps,
             demonstrations: PathBuf::from(Self::DEMONSTRATIONS),
             budget: Budget { env_steps },
             rollout: Rollout {
-                steps: constant(match (algorithm, env) {
-                    ("mcpo", _) => 1024,
-                    (_, EnvId::MountainCar) => 2048,
-                    _ => 4096,
-                }),
+                steps: catalogue::find(algorithm).and_then(|entry| entry.about().steps).map_or_else(of_env, count),
                 environments: constant(8),
             },
             evaluation: Evaluation {

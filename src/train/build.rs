@@ -1,24 +1,13 @@
-//! From a specification to the objects that train: the one `match` over algorithms.
+//! From a specification to the objects that train.
 
 use super::{RunSink, TrainError};
 use crate::{
-    algo::{
-        Agent, OnPolicy, Update, cloning,
-        gail::gail,
-        mcpo::Mcpo,
-        mmd_il::MmdIl,
-        penalty::Penalty,
-        pofd::pofd,
-        ppo::Ppo,
-        pretraining::{Pretrained, Pretraining},
-        trpo::Trpo,
-    },
+    algo::{Agent, AlgoError, Learner, Start, pretraining::Pretraining},
     demo::Demonstration,
     env::{EnvError, Spaces, Task},
-    nn::{GaussianPolicy, Mlp, Normalizer, Pass},
+    nn::{GaussianPolicy, Mlp, Normalizer},
     plan::RunSpec,
     rng::Stream,
-    spec::Algorithm,
 };
 
 /// `count` copies of the run's task.
@@ -39,49 +28,24 @@ pub fn agent(spec: &RunSpec, spaces: Spaces) -> Agent {
     Agent { policy, value, normalizer: Normalizer::new(spaces.observation_dim, spec.network.observation_clip.get()) }
 }
 
-/// What a run does.
-pub enum Learner {
-    /// Learns from its own rollouts.
-    OnPolicy(Box<dyn OnPolicy>),
-    /// Learned from the demonstration alone, and takes no step of its own; with what that was like.
-    Offline(Agent, Box<Update>),
-    /// Learns nothing: uniform actions.
-    Uniform,
+/// The run's learner, before its first rollout; `sink` may know the result of behaviour cloning from another run.
+///
+/// # Errors
+///
+/// The demonstration is missing or does not fit, or behaviour cloning diverged.
+pub fn learner(spec: &RunSpec, sink: &mut dyn RunSink) -> Result<Learner, TrainError> {
+    let mut agent = agent(spec, Task::new(spec.env, spec.reward, spec.max_steps)?.spaces());
+    let demonstration = spec.algorithm.uses_demonstration().then(|| demonstration(spec)).transpose()?;
+    if let (Some(hyperparameters), Some(demonstration)) = (spec.algorithm.cloning(), &demonstration) {
+        let start = Pretraining { hyperparameters, agent: &agent, demonstration, seed: spec.seed };
+        agent = sink.pretrained(&start.key(), &mut |alive| start.train(alive).map_err(before_any))?;
+    }
+    spec.algorithm.start(Start { agent, demonstration, seed: spec.seed }).map_err(before_any)
 }
 
-/// The run's algorithm, before its first rollout; `sink` may know the result of behaviour cloning from another run.
-///
-/// Errors: the demonstration is missing or does not fit, or behaviour cloning diverged.
-pub fn learner(spec: &RunSpec, sink: &mut dyn RunSink) -> Result<Learner, TrainError> {
-    let agent = agent(spec, Task::new(spec.env, spec.reward, spec.max_steps)?.spaces());
-    let mut cloned = |hyperparameters: &cloning::Hyperparameters, agent: Agent, demonstration: &Demonstration| {
-        let start = Pretraining { hyperparameters, agent: &agent, demonstration, seed: spec.seed };
-        sink.pretrained(&start.key(), &mut |alive| {
-            start.train(alive).map_err(|source| TrainError::Algo { iteration: 0, source })
-        })
-    };
-    let on_policy: Box<dyn OnPolicy> = match spec.algorithm.clone() {
-        Algorithm::Mcpo(h) => Box::new(Mcpo::new(h, agent, &demonstration(spec)?, spec.seed)),
-        Algorithm::Ppo(h) | Algorithm::Expert(h) => Box::new(Ppo::new(h, agent)),
-        Algorithm::Pretraining(h) => {
-            let demonstration = demonstration(spec)?;
-            let agent = cloned(&h.cloning, agent, &demonstration)?;
-            Box::new(Pretrained::new(h, agent, demonstration))
-        }
-        Algorithm::Pofd(h) => Box::new(pofd(h, agent, &demonstration(spec)?, spec.seed)),
-        Algorithm::MmdIl(h) => Box::new(MmdIl::new(h, agent, &demonstration(spec)?, spec.seed)),
-        Algorithm::Trpo(h) => Box::new(Trpo::new(h, agent)),
-        Algorithm::Gail(h) => Box::new(gail(h, agent, &demonstration(spec)?, spec.seed)),
-        Algorithm::Penalty(h) => Box::new(Penalty::new(h, agent, &demonstration(spec)?, spec.seed)),
-        Algorithm::Bc(h) => {
-            let demonstration = demonstration(spec)?;
-            let agent = cloned(&h, agent, &demonstration)?;
-            let cloning_loss = Some(cloning::loss_of(h.loss, &agent, &demonstration, &mut Pass::default()));
-            return Ok(Learner::Offline(agent, Box::new(Update { cloning_loss, ..Update::default() })));
-        }
-        Algorithm::Random(_) => return Ok(Learner::Uniform),
-    };
-    Ok(Learner::OnPolicy(on_policy))
+/// An error of the algorithm before the first iteration.
+fn before_any(source: AlgoError) -> TrainError {
+    TrainError::Algo { iteration: 0, source }
 }
 
 /// The run's demonstration, checked against its environment.

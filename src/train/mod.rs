@@ -1,7 +1,7 @@
 //! Training: one run, from its specification to its last evaluation.
 //!
-//! Owns the loops, the rollout and the evaluation, and the one `match` from specifications to objects. Knows nothing of
-//! files or processes: what happens is told to a [`RunSink`]. Start at [`run`].
+//! Owns the loops, the rollout and the evaluation. Knows no algorithm by name, and nothing of files or processes: what
+//! happens is told to a [`RunSink`]. Start at [`run`].
 
 pub mod build;
 pub mod evaluate;
@@ -11,10 +11,8 @@ pub mod rollout;
 
 use serde::{Deserialize, Serialize};
 
-use build::Learner;
-
 use crate::{
-    algo::{Agent, AlgoError, Update},
+    algo::{Agent, AlgoError, Learner, Update},
     demo::DemoError,
     env::EnvError,
     plan::RunSpec,

@@ -1,9 +1,9 @@
 //! How many floating-point operations an iteration needs at least.
 //!
-//! Owns the counts, algorithm by algorithm. They are those of matrix products, 2 for each multiplication with its addition;
-//! tanh, exp, densities, Adam, shuffles and copies count as nothing, and so does what a run takes for its record alone
-//! (the KL after an update, the discriminator's loss). Knows nothing of how long an operation takes. Start at
-//! [`of_iteration`].
+//! Owns the counts of networks' passes, from which each algorithm makes up its own. They are those of matrix products, 2 for
+//! each multiplication with its addition; tanh, exp, densities, Adam, shuffles and copies count as nothing, and so does what
+//! a run takes for its record alone (the KL after an update, the discriminator's loss). Knows nothing of how long an
+//! operation takes. Start at [`of_iteration`].
 //!
 //! A network of weights P, of which P_1 are the first layer's and P_L the last's, with A outputs and hidden layers of h_1 to
 //! h_k, takes for each sample
@@ -23,13 +23,10 @@
 
 use serde::Serialize;
 
-use crate::{
-    algo::{Update, mcpo, mimicry::Samples, mmd_il, pofd::PolicyUpdate, ppo, trpo, trust_region},
-    quantity::Count,
-    spec::Algorithm,
-};
+use super::{Algorithm, Update};
+use crate::quantity::Count;
 
-/// What decides how much an iteration's passes cost.
+/// The sizes that decide how much an iteration's passes cost.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Shapes {
     /// Numbers in an observation.
@@ -46,42 +43,29 @@ pub struct Shapes {
     pub demonstration: usize,
 }
 
-/// Operations of one part of an iteration.
-pub type Part = (&'static str, f64);
+/// The name of a part of an iteration, and its operations.
+pub type Operations = (&'static str, f64);
 
 /// The operations of an iteration of `algorithm` that did `update`, part by part. `cuts` is how many of the batch's segments
 /// end with a value to be looked up.
-pub fn of_iteration(algorithm: &Algorithm, shapes: &Shapes, cuts: usize, update: &Update) -> Vec<Part> {
+pub fn of_iteration(algorithm: &Algorithm, shapes: &Shapes, cuts: usize, update: &Update) -> Vec<Operations> {
     let counter = Counter::new(shapes, cuts, update);
     let mut parts = vec![("policy inference", counter.n * counter.policy.forward())];
-    parts.extend(match algorithm {
-        Algorithm::Mcpo(h) => counter.mcpo(h),
-        Algorithm::Ppo(h) | Algorithm::Expert(h) => counter.ppo(h),
-        Algorithm::Pretraining(h) => counter.ppo(&h.ppo),
-        Algorithm::Trpo(h) => counter.trpo(h),
-        Algorithm::Pofd(h) => counter.adversarial(h.discriminator.updates, h.policy_update, &h.ppo, &h.trpo),
-        Algorithm::Gail(h) => counter.adversarial(h.discriminator.updates, h.policy_update, &h.ppo, &h.trpo),
-        Algorithm::MmdIl(h) => counter.mmd_il(h),
-        Algorithm::Penalty(h) => {
-            let fit = h.trpo.value_epochs;
-            [counter.trpo(&h.trpo), counter.mimicry(h.mmd.samples, fit, counter.trials(h.trpo.line_search_steps))]
-                .concat()
-        }
-        Algorithm::Bc(_) | Algorithm::Random(_) => Vec::new(),
-    });
+    parts.extend(algorithm.operations(&counter));
     parts
 }
 
-/// What a network's pass costs a sample.
+/// The operations that a sample's pass through one network takes.
 #[derive(Debug, Clone, Copy)]
-struct Network {
+pub struct Network {
     /// P.
     weights: f64,
     /// P_1.
     first: f64,
-    /// Of a Fisher product, and what it needs once.
-    fisher_product: f64,
-    sensitivities: f64,
+    /// Of a Fisher product.
+    pub fisher_product: f64,
+    /// Of the sensitivities, which all Fisher products of an iteration share.
+    pub sensitivities: f64,
 }
 
 impl Network {
@@ -98,32 +82,40 @@ impl Network {
         }
     }
 
-    fn forward(self) -> f64 {
+    /// Of a forward pass.
+    pub fn forward(self) -> f64 {
         2.0 * self.weights
     }
 
-    fn vjp(self) -> f64 {
+    /// Of a vector-Jacobian product, after a forward pass.
+    pub fn vjp(self) -> f64 {
         4.0 * self.weights - 2.0 * self.first
     }
 
-    fn forward_and_vjp(self) -> f64 {
+    /// Of both.
+    pub fn forward_and_vjp(self) -> f64 {
         self.forward() + self.vjp()
     }
 }
 
-/// Counts the parts of one iteration.
-struct Counter<'a> {
-    policy: Network,
-    value: Network,
-    discriminator: Network,
-    /// Samples.
-    n: f64,
+/// One iteration as its parts are counted.
+pub struct Counter<'a> {
+    /// Of the policy.
+    pub policy: Network,
+    /// Of the value network.
+    pub value: Network,
+    /// Of a network that tells apart pairs of observation and action.
+    pub discriminator: Network,
+    /// Samples of the batch.
+    pub n: f64,
     /// Points of the demonstration.
-    m: f64,
+    pub m: f64,
     /// Numbers of a point: observation and action.
-    point: f64,
-    cuts: f64,
-    update: &'a Update,
+    pub point: f64,
+    /// Segments of the batch that end with a value to be looked up.
+    pub cuts: f64,
+    /// What the update did.
+    pub update: &'a Update,
 }
 
 impl<'a> Counter<'a> {
@@ -141,127 +133,48 @@ impl<'a> Counter<'a> {
         }
     }
 
-    fn ppo(&self, h: &ppo::Hyperparameters) -> Vec<Part> {
-        let epochs = self.n * h.epochs.get() as f64;
-        vec![
-            self.values(),
-            ("policy epochs", epochs * self.policy.forward_and_vjp()),
-            ("value epochs", epochs * self.value.forward_and_vjp()),
-        ]
-    }
-
-    fn trpo(&self, h: &trpo::Hyperparameters) -> Vec<Part> {
-        let mut parts = vec![self.values(), ("surrogate gradient", self.n * self.policy.vjp())];
-        parts.extend(self.trust_region(h.fisher_samples, self.trials(h.line_search_steps)));
-        parts.push(("value epochs", self.fit(h.value_epochs)));
-        parts
-    }
-
-    fn mcpo(&self, h: &mcpo::Hyperparameters) -> Vec<Part> {
-        let at_states = h.mmd.samples == Samples::DemoStates;
-        let no_step = self.update.case.as_deref() == Some("infeasible") && at_states;
-        let stays = self.update.case.as_deref() == Some("degenerate_g") && self.update.mmd <= self.update.d;
-        let trials = if no_step || stays { 0.0 } else { self.trials(h.line_search_steps) };
-        let mut parts = vec![self.values(), ("surrogate gradient", self.n * self.policy.vjp())];
-        parts.extend(self.mimicry(h.mmd.samples, h.value_epochs, trials));
-        parts.extend(self.trust_region(h.fisher_samples, trials));
-        if at_states && self.update.recovery_steps.is_some() {
-            parts.push(("recovery", self.descent()));
-        }
-        parts.push(("value epochs", self.fit(h.value_epochs)));
-        parts
-    }
-
-    fn mmd_il(&self, h: &mmd_il::Hyperparameters) -> Vec<Part> {
-        match h.mmd.samples {
-            Samples::DemoStates => vec![("descent", self.descent())],
-            Samples::Rollout => {
-                let trials = self.trials(h.trpo.line_search_steps);
-                let mut parts = self.mimicry(h.mmd.samples, h.trpo.value_epochs, trials);
-                parts.extend(self.trust_region(h.trpo.fisher_samples, trials));
-                parts
-            }
-        }
-    }
-
-    fn adversarial(
-        &self,
-        updates: Count,
-        policy_update: PolicyUpdate,
-        ppo: &ppo::Hyperparameters,
-        trpo: &trpo::Hyperparameters,
-    ) -> Vec<Part> {
-        let updates = updates.get() as f64 * (self.n + self.m) * self.discriminator.forward_and_vjp();
-        let mut parts = vec![("discriminator", updates + self.n * self.discriminator.forward())];
-        parts.extend(match policy_update {
-            PolicyUpdate::Ppo => self.ppo(ppo),
-            PolicyUpdate::Trpo => self.trpo(trpo),
-        });
-        parts
-    }
-
     /// The baseline of the advantages.
-    fn values(&self) -> Part {
+    pub fn values(&self) -> Operations {
         ("values", (self.n + self.cuts) * self.value.forward())
     }
 
-    fn fit(&self, epochs: Count) -> f64 {
-        epochs.get() as f64 * self.n * self.value.forward_and_vjp()
+    /// The gradient of the surrogate; the rollout's activations are kept.
+    pub fn surrogate_gradient(&self) -> Operations {
+        ("surrogate gradient", self.n * self.policy.vjp())
     }
 
-    /// Conjugate gradient, and the policy's passes of the line search.
-    fn trust_region(&self, fisher_samples: Count, trials: f64) -> Vec<Part> {
-        let samples = (self.n / trust_region::spacing(self.n as usize, fisher_samples.size()) as f64).ceil();
-        let products = self.update.cg_iterations.unwrap_or(0) as f64;
-        let once = if products > 0.0 { self.policy.sensitivities } else { 0.0 };
-        vec![
-            ("Fisher products", samples * (products * self.policy.fisher_product + once)),
-            ("line search", trials * self.n * self.policy.forward()),
-        ]
+    /// `epochs` passes of the policy over the batch, there and back.
+    pub fn policy_epochs(&self, epochs: Count) -> Operations {
+        ("policy epochs", epochs.get() as f64 * self.n * self.policy.forward_and_vjp())
+    }
+
+    /// `epochs` passes of the value network over the batch, there and back.
+    pub fn value_epochs(&self, epochs: Count) -> Operations {
+        ("value epochs", epochs.get() as f64 * self.n * self.value.forward_and_vjp())
     }
 
     /// Trials of a line search that takes at most `limit`: it halves the step from 1 on, and 0 says that all were rejected.
-    fn trials(&self, limit: Count) -> f64 {
+    pub fn trials(&self, limit: Count) -> f64 {
         match self.update.step_fraction {
             Some(fraction) if fraction > 0.0 => 1.0 - fraction.log2(),
             Some(_) => limit.get() as f64,
             None => 0.0,
         }
     }
-
-    /// D and b, and D at each trial of the line search.
-    fn mimicry(&self, samples: Samples, value_epochs: Count, trials: f64) -> Vec<Part> {
-        let operations = match samples {
-            Samples::DemoStates => {
-                self.descent_step() + trials * (self.m * self.policy.forward() + self.kernel(self.m))
-            }
-            Samples::Rollout => {
-                self.kernel(self.n) + self.n * self.policy.vjp() + self.values().1 + self.fit(value_epochs)
-            }
-        };
-        vec![("mimicry", operations)]
-    }
-
-    /// A descent on D at the demonstration's states: D and its gradient before each step and after the last.
-    fn descent(&self) -> f64 {
-        (self.update.recovery_steps.unwrap_or(0) + 1) as f64 * self.descent_step()
-    }
-
-    fn descent_step(&self) -> f64 {
-        let kernel_gradient = 2.0 * self.point * (self.m * self.m + self.m * self.m);
-        self.m * self.policy.forward_and_vjp() + self.kernel(self.m) + kernel_gradient
-    }
-
-    /// Kernel values among `n` points, and between them and the demonstration's.
-    fn kernel(&self, n: f64) -> f64 {
-        2.0 * self.point * (n * n / 2.0 + n * self.m)
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{env::EnvId, quantity::constant};
+    use crate::{
+        algo::{
+            mcpo::{self, MCPO},
+            ppo::{self, PPO},
+            trpo::{self, TRPO},
+        },
+        env::EnvId,
+        quantity::constant,
+    };
 
     /// A policy of 3 x 5 x 4 x 2: P = 15 + 20 + 8 = 43, P_1 = 15. A value network of 3 x 5 x 4 x 1: P = 39. Forward passes
     /// of 86 and 78 operations, VJPs of 142 and 126, Fisher products of 244 after 80
@@ -270,14 +183,14 @@ mod tests {
         Shapes { observation: 3, action: 2, hidden: vec![5, 4], environments: 2, rollout: 10, demonstration: 6 }
     }
 
-    fn counted(algorithm: &Algorithm, update: &Update) -> Vec<Part> {
+    fn counted(algorithm: &Algorithm, update: &Update) -> Vec<Operations> {
         of_iteration(algorithm, &shapes(), 3, update)
     }
 
     #[test]
     fn ppo_is_two_networks_epochs() {
         let hyperparameters = ppo::Hyperparameters { epochs: constant(7), ..ppo::Hyperparameters::for_env(EnvId::Ant) };
-        let parts = counted(&Algorithm::Ppo(hyperparameters), &Update::default());
+        let parts = counted(&PPO.with(hyperparameters), &Update::default());
         let expected = [
             ("policy inference", 860.0),
             ("values", 13.0 * 78.0),
@@ -291,7 +204,7 @@ mod tests {
     fn trust_regions_are_what_the_update_did() {
         let trpo = trpo::Hyperparameters { value_epochs: constant(2), ..trpo::Hyperparameters::for_env(EnvId::Ant) };
         let update = Update { cg_iterations: Some(9), step_fraction: Some(0.25), ..Update::default() };
-        let parts = counted(&Algorithm::Trpo(trpo.clone()), &update);
+        let parts = counted(&TRPO.with(trpo.clone()), &update);
         let expected = [
             ("policy inference", 860.0),
             ("values", 13.0 * 78.0),
@@ -302,10 +215,10 @@ mod tests {
         ];
         assert_eq!(parts, expected);
         let rejected = Update { step_fraction: Some(0.0), ..update };
-        assert_eq!(counted(&Algorithm::Trpo(trpo.clone()), &rejected)[4], ("line search", 10.0 * 860.0));
+        assert_eq!(counted(&TRPO.with(trpo.clone()), &rejected)[4], ("line search", 10.0 * 860.0));
         // Every fourth of ten samples makes three.
         let thinned = trpo::Hyperparameters { fisher_samples: constant(3), ..trpo };
-        let products = counted(&Algorithm::Trpo(thinned), &rejected)[3];
+        let products = counted(&TRPO.with(thinned), &rejected)[3];
         assert_eq!(products, ("Fisher products", 3.0 * (9.0 * 244.0 + 80.0)));
     }
 
@@ -315,7 +228,7 @@ mod tests {
     fn mimicry_is_measured_once_and_at_each_trial_or_descended() {
         let h = mcpo::Hyperparameters { value_epochs: constant(2), ..mcpo::Hyperparameters::for_env(EnvId::Ant) };
         let of = |update: Update, part: &str| {
-            let parts = counted(&Algorithm::Mcpo(h.clone()), &update);
+            let parts = counted(&MCPO.with(h.clone()), &update);
             parts.iter().find(|(name, _)| *name == part).map(|(_, operations)| *operations)
         };
         let step = 6.0 * (86.0 + 142.0) + 540.0 + 720.0;
@@ -339,9 +252,9 @@ mod tests {
     #[test]
     fn every_algorithm_with_rollouts_is_counted() {
         let update = Update { step_fraction: Some(1.0), cg_iterations: Some(1), ..Update::default() };
-        for name in Algorithm::names().filter(|name| !["bc", "random"].contains(name)) {
-            let algorithm = Algorithm::defaults(name, EnvId::Hopper).expect("a known name");
-            let parts = counted(&algorithm, &update);
+        let all = Algorithm::names().filter_map(|name| Algorithm::defaults(name, EnvId::Hopper));
+        for algorithm in all.filter(Algorithm::trains) {
+            let (name, parts) = (algorithm.name(), counted(&algorithm, &update));
             assert!(parts.len() > 1 && parts.iter().all(|(_, operations)| *operations > 0.0), "{name}: {parts:?}");
         }
     }

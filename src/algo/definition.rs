@@ -1,0 +1,113 @@
+//! What an algorithm is, said once, beside its code.
+//!
+//! Owns the form of it: a [`Definition`], which each algorithm's file fills in and the [catalogue](super::catalogue) lists.
+//! The matrix format, the schema, training, `plan`'s costs, `bench` and the reports ask it and name no algorithm. Start at
+//! [`Definition`].
+
+use std::fmt;
+
+use serde::{Serialize, de::DeserializeOwned};
+
+use super::{
+    Agent, AlgoError, OnPolicy, Update, cloning,
+    operations::{Counter, Operations},
+    revision::Part,
+};
+use crate::{demo::Demonstration, env::EnvId, rng::Seed};
+
+/// An algorithm with hyperparameters of the type `H`: a struct, empty where it has none, that refuses unknown fields. Its
+/// fields' documentation is that of the keys in the schema.
+pub struct Definition<H: 'static> {
+    /// Its name, its needs and its costs.
+    pub about: About,
+    /// The hyperparameters' defaults for an environment.
+    pub defaults: fn(EnvId) -> H,
+    /// Behaviour cloning on the demonstration before the first rollout, where there is some; runs that begin alike share the
+    /// cloned agent.
+    pub cloning: Option<fn(&H) -> &cloning::Hyperparameters>,
+    /// The learner of a run, ready for its first rollout.
+    pub start: fn(H, Start) -> Result<Learner, AlgoError>,
+    /// The operations of an update, part by part, without the rollout's passes of the policy.
+    pub operations: fn(&H, &Counter<'_>) -> Vec<Operations>,
+}
+
+/// What must be known of an algorithm before it runs.
+#[derive(Debug)]
+pub struct About {
+    /// Its name in matrices, folders and records: lower-case letters, digits and `_`.
+    pub name: &'static str,
+    /// Its name in figures and tables.
+    pub label: &'static str,
+    /// Whether it learns from a demonstration.
+    pub demonstration: bool,
+    /// Whether it trains on the dense reward, whatever the environment's reward says.
+    pub dense: bool,
+    /// Whether it takes steps of training in the environment; the others are evaluated alone.
+    pub trains: bool,
+    /// Default of `rollout.steps`, the steps of one iteration, where it is not the environment's.
+    pub steps: Option<u64>,
+    /// Forward passes of a network, or what takes as long, that one step's sample goes through in an iteration: a guess for
+    /// `plan`, which recorded speeds soon replace.
+    pub passes: f64,
+    /// The part that its numbers depend on; `None` where it computes nothing.
+    pub part: Option<&'static Part>,
+    /// Hyperparameters that came after runs of record, each with the value under which nothing changes, as JSON. A run with
+    /// that value has the fingerprint that it had before the key was there, and a record that does not name the key is read as
+    /// if it did.
+    pub later: &'static [(&'static str, &'static str)],
+}
+
+/// From what an algorithm starts.
+pub struct Start {
+    /// The run's agent: untrained, or cloned where the definition says so.
+    pub agent: Agent,
+    /// The run's demonstration, where the definition asks for one.
+    pub demonstration: Option<Demonstration>,
+    /// The run's seed.
+    pub seed: Seed,
+}
+
+impl Start {
+    /// The agent and the demonstration.
+    ///
+    /// # Errors
+    ///
+    /// The definition asks for no demonstration.
+    pub fn with_demonstration(self) -> Result<(Agent, Demonstration), AlgoError> {
+        Ok((self.agent, self.demonstration.ok_or(AlgoError::NoDemonstration)?))
+    }
+}
+
+/// What a run does.
+pub enum Learner {
+    /// Learns from its own rollouts.
+    OnPolicy(Box<dyn OnPolicy>),
+    /// Has learned from the demonstration alone, and takes no step of its own; with what that was like.
+    Offline(Agent, Box<Update>),
+    /// Learns nothing: uniform actions.
+    Uniform,
+}
+
+impl Learner {
+    /// One that learns from its own rollouts.
+    pub fn on_policy(algorithm: impl OnPolicy + 'static) -> Self {
+        Self::OnPolicy(Box::new(algorithm))
+    }
+}
+
+/// What the hyperparameters of an algorithm must be; every type that is it has this trait.
+pub trait Tunable:
+    fmt::Debug + Clone + Serialize + DeserializeOwned + schemars::JsonSchema + Send + Sync + 'static
+{
+}
+
+impl<T: fmt::Debug + Clone + Serialize + DeserializeOwned + schemars::JsonSchema + Send + Sync + 'static> Tunable
+    for T
+{
+}
+
+impl<H> fmt::Debug for Definition<H> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.about.fmt(f)
+    }
+}
