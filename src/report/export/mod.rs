@@ -21,8 +21,9 @@ use super::{
     write::{figures, identities, planned, selected},
 };
 use crate::{
+    measured::progress,
     record::{self, RecordError},
-    spec::{ExperimentSpec, STEP},
+    spec::ExperimentSpec,
 };
 
 /// A format of another program.
@@ -50,7 +51,7 @@ pub fn export(
     formats: &[Format],
 ) -> Result<Vec<PathBuf>, ReportError> {
     let (home, whole, plan) = planned(spec, results, scope)?;
-    let runs = recorded::load(&plan, results, true)?.runs;
+    let runs = recorded::load(&plan, results, progress::COLUMNS)?.runs;
     let folder = home.join(scope.folder());
     refuse_link(&folder)?;
     let folder = folder.join("export");
@@ -78,9 +79,10 @@ pub fn export(
             Format::MarlEval => write("marl-eval.json", text(&scores::marl_eval(&spec.name, &runs)).as_bytes())?,
             Format::Csv => write("evaluations.csv", &rows::evaluations(&runs)?)?,
             Format::Json => {
-                for figure in figures(spec).iter().filter(|figure| figure.y != STEP) {
+                for figure in &figures(spec) {
+                    let Some(y) = figure.y.measure() else { continue };
                     let runs = selected(&runs, figure.only.as_deref())?;
-                    let data = CurveData::new(figure, &runs, &identities(&whole))?;
+                    let data = CurveData::new(figure, y, &runs, &identities(&whole))?;
                     write(&format!("{}.json", figure.name), text(&rows::figure(&data)).as_bytes())?;
                 }
             }
