@@ -41,6 +41,33 @@ pub enum Format {
     Json,
 }
 
+impl Format {
+    /// Every format, in the order in which they are written.
+    pub const ALL: [Self; 5] = [Self::Tensorboard, Self::Rliable, Self::MarlEval, Self::Csv, Self::Json];
+
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Tensorboard => "tensorboard",
+            Self::Rliable => "rliable",
+            Self::MarlEval => "marl-eval",
+            Self::Csv => "csv",
+            Self::Json => "json",
+        }
+    }
+
+    /// What it holds, for the command line's help.
+    pub fn help(self) -> &'static str {
+        match self {
+            Self::Tensorboard => "Event files with hyperparameters, for TensorBoard",
+            Self::Rliable => "Scores by method, seed and environment, as rliable reads them",
+            Self::MarlEval => "Every evaluation, as marl-eval reads them",
+            Self::Csv => "Every evaluation episode as a row",
+            Self::Json => "The numbers of each figure",
+        }
+    }
+}
+
 /// Writes what is recorded of `spec`, as far as `scope` goes, in these `formats`; gives the files.
 ///
 /// Errors: as for [`write()`](super::write()).
