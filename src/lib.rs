@@ -19,6 +19,7 @@ pub mod demo;
 pub mod env;
 pub mod escape;
 mod intake;
+pub mod measured;
 pub mod nn;
 mod parquet;
 pub mod plan;

@@ -2,7 +2,8 @@
 //!
 //! The table is the design's, with these deviations. `arithmetic`, the products and elementary functions at the machine's
 //! rate, `escape`, text from outside made harmless for where it is shown, `intake`, files from outside, and `parquet`, the
-//! reader of tables that believes none of their claims, are bottom modules of their own. `plan` uses `env`, since a run holds its environment and its reward. `record` and
+//! reader of tables that believes none of their claims, are bottom modules of their own. `measured`, the rows and the catalogue of
+//! their columns, stands below `spec`, which asks it what can be drawn. `plan` uses `env`, since a run holds its environment and its reward. `record` and
 //! `schedule` use what rows and policies are made of, since they are `train`'s sink, and `schedule` reads demonstrations
 //! before anything starts. `bench`, which measures training, stands beside `schedule`. `report` uses `plan` and `env`, since
 //! selections and recorded runs are theirs, `rng` for what it resamples, and `solver` for the sketch of its step.
@@ -29,13 +30,17 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("env", &["quantity", "rng"]),
     ("demo", &["arithmetic", "env", "intake", "parquet", "quantity", "rng"]),
     ("algo", &["arithmetic", "demo", "env", "nn", "solver", "quantity", "rng"]),
-    ("spec", &["algo", "demo", "env", "intake", "nn", "quantity", "rng"]),
+    ("measured", &["algo"]),
+    ("spec", &["algo", "demo", "env", "intake", "measured", "nn", "quantity", "rng"]),
     ("plan", &["env", "spec", "quantity", "rng"]),
-    ("train", &["algo", "arithmetic", "demo", "env", "nn", "plan", "quantity", "rng", "solver", "spec", "stats"]),
-    ("record", &["algo", "env", "intake", "nn", "parquet", "plan", "quantity", "rng", "train"]),
+    (
+        "train",
+        &["algo", "arithmetic", "demo", "env", "measured", "nn", "plan", "quantity", "rng", "solver", "spec", "stats"],
+    ),
+    ("record", &["algo", "env", "intake", "measured", "nn", "parquet", "plan", "quantity", "rng", "train"]),
     ("schedule", &["algo", "arithmetic", "demo", "env", "escape", "intake", "plan", "record", "train"]),
     ("bench", &["algo", "arithmetic", "demo", "env", "plan", "quantity", "record", "rng", "spec", "train"]),
-    ("report", &["env", "escape", "plan", "record", "rng", "solver", "spec", "stats"]),
+    ("report", &["env", "escape", "measured", "plan", "record", "rng", "solver", "spec", "stats"]),
     (
         "cli",
         &[

@@ -16,6 +16,7 @@ use mcpo_run::{
     algo::Agent,
     demo::{Demonstration, import},
     env::EnvId,
+    measured::progress,
     nn::{GaussianPolicy, Mlp, Normalizer},
     plan,
     record::{Build, Checkpoint, Manifest, RunPaths, Stamp, compare, policy, rows},
@@ -101,7 +102,7 @@ fn results(path: &Path) {
     let _ = rows::read_evaluations(path);
     let _ = rows::read_keys(path);
     let _ = rows::read_stamp(path);
-    let _ = rows::read_numbers(path);
+    let _ = rows::read_numbers(path, progress::COLUMNS);
     let _ = compare::tables(path, path, compare::Exactness::Bits);
 }
 
@@ -384,7 +385,7 @@ fn a_small_table_of_many_rows_is_refused() {
     assert!(bytes.len() < 1 << 21, "no small file: {}", bytes.len());
     show(&bytes, |path| {
         results(path);
-        let error = rows::read_numbers(path).expect_err("too much").to_string();
+        let error = rows::read_numbers(path, progress::COLUMNS).expect_err("too much").to_string();
         assert!(error.contains("40000000 rows"), "{error}");
     });
 }

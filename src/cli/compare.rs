@@ -67,6 +67,6 @@ fn recorded(path: &Path, results: &Path) -> anyhow::Result<(Vec<Run>, Vec<String
         return Ok(report::in_folder(path)?);
     }
     let spec = spec::load(path, &Overrides::default()).map_err(|errors| InvalidFiles(vec![errors]))?;
-    let loaded = report::load(&plan::plan(&spec)?, results, false)?;
+    let loaded = report::load(&plan::plan(&spec)?, results, &[])?;
     Ok((loaded.runs, loaded.remarks))
 }

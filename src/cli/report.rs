@@ -9,6 +9,7 @@ use std::{
     time::{Duration, SystemTime},
 };
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use comfy_table::Table;
 
 use super::{print, selected::Selected};
@@ -36,35 +37,15 @@ pub struct ReportArguments {
     #[arg(value_parser = clap::value_parser!(u16).range(1..))]
     watch: Option<u16>,
     /// Also write what other programs read, into the report's folder `export`
-    #[arg(long, value_name = "FORMAT,...", value_delimiter = ',', value_enum)]
-    export: Vec<Export>,
+    #[arg(long, value_name = "FORMAT,...", value_delimiter = ',', value_parser = format())]
+    export: Vec<Format>,
 }
 
-/// What other programs read.
-#[derive(Debug, Clone, Copy, clap::ValueEnum)]
-enum Export {
-    /// Event files with hyperparameters, for TensorBoard
-    Tensorboard,
-    /// Scores by method, seed and environment, as rliable reads them
-    Rliable,
-    /// Every evaluation, as marl-eval reads them
-    MarlEval,
-    /// Every evaluation episode as a row
-    Csv,
-    /// The numbers of each figure
-    Json,
-}
-
-impl From<Export> for Format {
-    fn from(export: Export) -> Self {
-        match export {
-            Export::Tensorboard => Self::Tensorboard,
-            Export::Rliable => Self::Rliable,
-            Export::MarlEval => Self::MarlEval,
-            Export::Csv => Self::Csv,
-            Export::Json => Self::Json,
-        }
-    }
+/// Reads the name of a format.
+fn format() -> impl TypedValueParser<Value = Format> {
+    let names = Format::ALL.iter().map(|format| PossibleValue::new(format.name()).help(format.help()));
+    let named = |name: String| Format::ALL.iter().copied().find(|format| format.name() == name);
+    PossibleValuesParser::new(names).map(move |name| named(name).expect("the parser knows the names of formats alone"))
 }
 
 /// Reports what `arguments` say.
@@ -72,7 +53,7 @@ pub fn run(arguments: &ReportArguments) -> anyhow::Result<ExitCode> {
     let Selected { only, axis, set, results, .. } = &arguments.selected;
     let scope = Scope { only: only.clone(), axis: axis.clone(), set: set.clone() };
     let experiments = arguments.selected.load()?;
-    let formats: BTreeSet<Format> = arguments.export.iter().copied().map(Format::from).collect();
+    let formats: BTreeSet<Format> = arguments.export.iter().copied().collect();
     let formats: Vec<Format> = formats.into_iter().collect();
     let mut shown = Shown::Whole;
     let is_contradicted = loop {

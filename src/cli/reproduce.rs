@@ -44,8 +44,11 @@ pub fn run(arguments: &ReproduceArguments) -> anyhow::Result<ExitCode> {
     let mut spec = plan::recorded(&stamp.spec)
         .with_context(|| format!("{} was written by another version of this program", path.display()))?;
     // A relative path starts where the run was planned; in a record without that folder, here.
-    let folder = stamp.origin.as_ref().and_then(|origin| origin.folder.as_deref()).filter(|folder| folder.is_dir());
-    spec.demonstration = spec.demonstration.map(|path| folder.map_or(path.clone(), |folder| folder.join(&path)));
+    let beside = RunPaths::results_of(path, &spec.experiment, &spec.id);
+    let folder = stamp.origin.as_ref().zip(beside).and_then(|(origin, results)| origin.folder_beside(&results));
+    if let Some(folder) = folder.filter(|folder| folder.is_dir()) {
+        spec.demonstration = spec.demonstration.map(|path| folder.join(path));
+    }
     let results = tempfile::tempdir().context("cannot make a temporary folder")?;
     let planned = preflight::plan(vec![spec], results.path())?;
     let [run] = &planned[..] else { unreachable!("one specification is one run") };

@@ -9,15 +9,16 @@
 use std::path::Path;
 
 use super::{Manifest, RecordError, RunPaths, policy, rows};
-use crate::parquet::{Cell, Cells, Table};
+use crate::{
+    measured::{self, evaluations, progress},
+    parquet::{Cell, Cells, Table},
+};
 
 /// How far a number of the first iteration may be from the recorded one in another numeric class, as a part of the larger
 /// one: nearly twice what was seen (0.027) between sums in vectors of 16 numbers and sums in order.
 pub const TOLERANCE: f64 = 0.05;
 /// What is nearer than this is equal in another numeric class: sums that cancel keep no relative precision.
 const NEGLIGIBLE: f64 = 1e-6;
-/// The endings of columns that a clock fills.
-const CLOCK: &str = "_seconds";
 
 /// How equal two recordings must be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -138,7 +139,7 @@ fn first_difference(before: &Columns, now: &Columns, exactness: Exactness) -> Re
         }
         for ((name, recorded), (_, computed)) in before.cells.iter().zip(&now.cells) {
             let (recorded, computed) = (recorded.get(row), computed.get(row));
-            if !name.ends_with(CLOCK) && !equal(&recorded, &computed, exactness) {
+            if !measured::is_of_clock(name) && !equal(&recorded, &computed, exactness) {
                 return Ok(differing(&place.name, name, Some(shown(&recorded)), Some(shown(&computed))));
             }
         }
@@ -153,10 +154,10 @@ struct RowPlace {
 }
 
 fn place(columns: &Columns, row: usize) -> Result<RowPlace, String> {
-    if let Some(iteration) = columns.number("iteration", row) {
+    if let Some(iteration) = columns.number(progress::ITERATION.name, row) {
         return Ok(RowPlace { name: format!("iteration {iteration}"), first: iteration == 1 });
     }
-    let numbers = columns.number("env_steps", row).zip(columns.number("episode", row));
+    let numbers = columns.number(evaluations::ENV_STEPS.name, row).zip(columns.number(evaluations::EPISODE.name, row));
     let (env_steps, episode) = numbers.ok_or_else(|| format!("row {row} names no iteration and no episode"))?;
     let name = format!("evaluation after {env_steps} steps, episode {episode}");
     Ok(RowPlace { name, first: env_steps == 0 })

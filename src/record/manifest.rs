@@ -203,7 +203,7 @@ mod tests {
             demonstration: None,
             demonstrated: None,
             build,
-            origin: Some(Origin::current()),
+            origin: Some(Origin::current(std::path::Path::new("results"))),
         })
     }
 

@@ -46,6 +46,15 @@ impl RunPaths {
         Ok(Self { complete, partial, claim, pretrained: results.join(".pretrained") })
     }
 
+    /// The folder of results under which `file`, the folder of the run `id` or a file in it, has its place; `None` where it has been
+    /// taken elsewhere.
+    pub fn results_of(file: &Path, experiment: &str, id: &str) -> Option<PathBuf> {
+        let file = std::path::absolute(file).ok()?;
+        let holds =
+            |results: &&Path| Self::new(results, experiment, id).is_ok_and(|run| file.starts_with(run.complete));
+        file.ancestors().find(holds).map(Path::to_owned)
+    }
+
     /// The rows of iterations, in `folder` (one of this run's).
     pub fn progress(folder: &Path) -> PathBuf {
         folder.join("progress.parquet")

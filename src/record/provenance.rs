@@ -2,7 +2,7 @@
 
 use std::{
     env, fs,
-    path::{Path, PathBuf},
+    path::{self, Component, Path, PathBuf},
     time::SystemTime,
 };
 
@@ -98,7 +98,8 @@ pub struct Origin {
     pub command_line: Vec<String>,
     /// When the command was called, UTC (RFC 3339).
     pub called: String,
-    /// The folder that it was called in, where relative paths of the specification start; absent in files of older programs.
+    /// The folder that it was called in, where relative paths of the specification start, as seen from the folder of results; absent
+    /// where neither holds the other, and in files of the oldest programs. Older programs wrote it from the root.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub folder: Option<PathBuf>,
     /// The commit of the folder it was called in, and whether files there differ from it; absent outside a repository.
@@ -107,17 +108,28 @@ pub struct Origin {
 }
 
 impl Origin {
-    /// This process.
-    pub fn current() -> Self {
+    /// This process, which writes into the folder `results`.
+    pub fn current(results: &Path) -> Self {
         Self {
             host: host(),
             cpu: cpu_model().unwrap_or_else(unknown),
             command_line: env::args_os().map(|argument| argument.to_string_lossy().into_owned()).collect(),
             called: now(),
-            folder: env::current_dir().ok(),
+            folder: env::current_dir().ok().and_then(|folder| seen_from(results, &folder)),
             git: Git::of(Path::new(".")),
         }
     }
+}
+
+/// The way from the folder `results` to `folder`, which tells nothing of what lies above both; `None` where neither holds the other.
+fn seen_from(results: &Path, folder: &Path) -> Option<PathBuf> {
+    let results = path::absolute(results).ok()?;
+    let up = |below: &Path| -> Option<PathBuf> {
+        let step = |part| matches!(part, Component::Normal(_)).then_some("..");
+        below.components().map(step).collect()
+    };
+    let inside = || folder.strip_prefix(&results).ok().map(Path::to_owned);
+    results.strip_prefix(folder).ok().and_then(up).or_else(inside)
 }
 
 /// This machine's name.
@@ -126,6 +138,19 @@ pub(super) fn host() -> String {
 }
 
 impl Origin {
+    /// The folder that it was called in, where `results` is the folder of results now; `None` where it is not known.
+    pub fn folder_beside(&self, results: &Path) -> Option<PathBuf> {
+        let mut folder = path::absolute(results).ok()?;
+        for part in self.folder.as_deref()?.components() {
+            match part {
+                // Upwards by name: behind a link the way up would lead elsewhere.
+                Component::ParentDir => drop(folder.pop()),
+                part => folder.push(part),
+            }
+        }
+        Some(folder)
+    }
+
     /// The same call, on this machine.
     pub fn here(self) -> Self {
         Self { host: super::Owner::node(), cpu: cpu_model().unwrap_or_else(unknown), ..self }
@@ -209,6 +234,31 @@ fn rfc3339(unix_seconds: u64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn origin(folder: &str) -> Origin {
+        Origin { folder: Some(folder.into()), ..Origin::current(Path::new("results")) }
+    }
+
+    #[test]
+    fn the_folder_of_a_call_is_told_without_what_lies_above_it() {
+        let home = Path::new("/home/somebody/work");
+        let seen = |results: &str| seen_from(Path::new(results), home);
+        assert_eq!(seen("/home/somebody/work/results"), Some("..".into()));
+        assert_eq!(seen("/home/somebody/work/a/b"), Some("../..".into()));
+        assert_eq!(seen("/home/somebody/work"), Some("".into()));
+        assert_eq!(seen("/home/somebody"), Some("work".into()));
+        assert_eq!(seen("/scratch/results"), None);
+    }
+
+    #[test]
+    fn the_folder_of_a_call_is_found_where_the_results_are_now() {
+        let now = |folder: &str| origin(folder).folder_beside(Path::new("/elsewhere/work/results"));
+        assert_eq!(now(".."), Some("/elsewhere/work".into()));
+        assert_eq!(now("work"), Some("/elsewhere/work/results/work".into()));
+        assert_eq!(now("/home/somebody/work"), Some("/home/somebody/work".into()), "an older program's record");
+        let unknown = Origin { folder: None, ..origin("") };
+        assert_eq!(unknown.folder_beside(Path::new("results")), None);
+    }
 
     #[test]
     fn times_are_civil_dates() {

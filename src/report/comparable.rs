@@ -186,7 +186,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         recorded.iter().for_each(|run| fixture::record(run, folder.path()));
         let plan: Vec<RunSpec> = planned.iter().map(|run| run.spec.clone()).collect();
-        let loaded = load(&plan, folder.path(), false).expect("good ids");
+        let loaded = load(&plan, folder.path(), &[]).expect("good ids");
         let differing = loaded.runs.into_iter().enumerate().filter_map(|(index, run)| match run.state {
             State::Differs { changes } => Some((index, changes)),
             State::Finished(_) => None,

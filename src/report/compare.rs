@@ -81,7 +81,7 @@ pub fn in_folder(folder: &Path) -> Result<(Vec<Run>, Vec<String>), ReportError> 
             Err(reason) => remarks.push(format!("{id} is left out: {reason}")),
         }
     }
-    let loaded = recorded::load(&plan, results, false)?;
+    let loaded = recorded::load(&plan, results, &[])?;
     remarks.extend(loaded.remarks);
     Ok((loaded.runs, remarks))
 }

@@ -13,10 +13,13 @@ use super::{
     counterpart::Counterpart,
     identity::Identities,
     notes,
-    over_seeds::{Averaging, OverSeeds, Seed, drawn},
+    over_seeds::{Averaging, OverSeeds, Seed, columns_of, drawn},
     recorded::{Run, demonstrated_return},
 };
-use crate::plan::Selection;
+use crate::{
+    measured::{Column, Iteration, Measure, progress},
+    plan::Selection,
+};
 
 /// The confidence of all intervals.
 pub const CONFIDENCE: f64 = 0.95;
@@ -151,14 +154,10 @@ pub struct Point {
 }
 
 impl CurveData {
-    /// The curves of `figure` over `runs`, which are those that its `only` selects, in the plan's order.
+    /// The curves of `y`, drawn as `figure` says, over `runs`, which are those that its `only` selects, in the plan's order.
     ///
     /// Errors: a panel's selection cannot be understood.
-    pub fn new(figure: &Figure, runs: &[&Run], identities: &Identities) -> Result<Self, ReportError> {
-        let y = match figure.y.as_str() {
-            "d" => "d_k", // the tolerance in force; the column `d` is the key, where it starts
-            y => y,
-        };
+    pub fn new(figure: &Figure, y: Measure, runs: &[&Run], identities: &Identities) -> Result<Self, ReportError> {
         let panel_axes: Vec<String> = match &figure.panels {
             Panels::Axis(axis) => vec![axis.clone()],
             Panels::Selections(_) => Vec::new(),
@@ -183,15 +182,15 @@ impl CurveData {
             Panel {
                 title,
                 curves: series.iter().map(curve).collect(),
-                demo: demonstrated_return(&runs).filter(|_| y == "return"),
+                demo: demonstrated_return(&runs).filter(|_| y == Measure::Return),
             }
         });
         let panels = panels.collect();
         Ok(Self {
             title: figure.title.clone(),
-            y_label: y_label(y),
+            y_label: y.label(),
             log_y: figure.log_y,
-            y: figure.y.clone(),
+            y: y.name().to_owned(),
             panel_key: panel_axes.first().map_or("panel", String::as_str).to_owned(),
             series: axis::labels(&keys, &series),
             looks: identities.looks(series.iter().map(|series| series.runs[0])),
@@ -227,23 +226,24 @@ fn panels<'a>(panels: &Panels, runs: &[&'a Run]) -> Result<Vec<(String, Vec<&'a 
 }
 
 impl Curve {
-    fn new(y: &str, figure: &Figure, runs: &[&Run]) -> Self {
+    fn new(y: Measure, figure: &Figure, runs: &[&Run]) -> Self {
         let all: Vec<Seed<'_>> = runs.iter().filter_map(|run| Seed::of(run)).collect();
         let seeds = drawn(&all);
         let averaging =
             Averaging { log: figure.log_y, band: figure.band, smooth: figure.smooth.map_or(0, |steps| steps.get()) };
         let OverSeeds { points, raw, singles, gaps, left_out } = OverSeeds::new(&seeds, y, averaging);
         let paper = match (y, figure.reference.as_deref()) {
-            ("return", Some(reference)) => Counterpart::of(runs, reference == "table5").value.map(|value| value.mean),
+            (Measure::Return, Some(reference)) => {
+                Counterpart::of(runs, reference == "table5").value.map(|value| value.mean)
+            }
             _ => None,
         };
-        let tolerance = match y {
-            "mmd" | "mmd_after" => {
-                let plain = Averaging { smooth: 0, band: Band::T, ..averaging };
-                let all = OverSeeds::new(&seeds, "d_k", plain).points;
-                all.iter().map(|point| (point.env_steps, point.mean)).collect()
-            }
-            _ => Vec::new(),
+        let tolerance = if is_bounded(y) {
+            let plain = Averaging { smooth: 0, band: Band::T, ..averaging };
+            let all = OverSeeds::new(&seeds, Measure::Column(&progress::TOLERANCE), plain).points;
+            all.iter().map(|point| (point.env_steps, point.mean)).collect()
+        } else {
+            Vec::new()
         };
         let under_way = seeds.iter().filter_map(|seed| seed.under_way).min();
         let of = runs.iter().map(|run| run.spec.budget.env_steps.get()).max().unwrap_or(0);
@@ -290,20 +290,15 @@ impl Curve {
     }
 }
 
-fn y_label(y: &str) -> String {
-    match y {
-        "return" => "return (dense reward)".to_owned(),
-        "training_return" => "return (training reward)".to_owned(),
-        "dense_return" => "return while training (dense reward)".to_owned(),
-        "mmd" | "mmd_after" => "MMD² to the demonstration".to_owned(),
-        "kl" => "KL of the update (nats)".to_owned(),
-        "entropy" => "entropy (nats)".to_owned(),
-        "d_k" => "tolerance d".to_owned(),
-        "episode_length" => "episode length (steps)".to_owned(),
-        "rollout_seconds" => "rollout (s)".to_owned(),
-        "update_seconds" => "update (s)".to_owned(),
-        other => other.replace('_', " "),
-    }
+/// Whether MCPO bounds `y` by its tolerance, which is then drawn beside it.
+fn is_bounded(y: Measure) -> bool {
+    y.is(&progress::MMD) || y.is(&progress::MMD_AFTER)
+}
+
+/// The columns of progress that the curves of `y` are made from.
+pub fn columns(y: Measure) -> Vec<&'static Column<Iteration>> {
+    let tolerance = is_bounded(y).then_some(&progress::TOLERANCE);
+    columns_of(y).into_iter().chain(tolerance).collect()
 }
 
 /// The arithmetic mean; NaN of nothing.

@@ -3,12 +3,11 @@
 use std::{fs, path::Path};
 
 use crate::{
-    algo::Update,
+    measured::{Cell, EvaluationEpisode, Iteration, progress},
     plan::plan,
     quantity::constant,
     record::{Build, Checkpoint, Demonstrated, Executable, Manifest, Outcome, RunPaths, Stamp, rows},
     spec::{self, Overrides},
-    train::{EvaluationEpisode, Iteration},
 };
 
 use super::recorded::{Evaluation, Recording, Run, State};
@@ -86,8 +85,9 @@ impl Run {
     pub fn progress(mut self, column: &str, rows: &[(u64, f64)]) -> Self {
         if let State::Finished(recording) = &mut self.state {
             let steps = rows.iter().map(|row| Some(row.0 as f64)).collect();
-            recording.progress.insert("env_steps".into(), steps);
-            recording.progress.insert(column.into(), rows.iter().map(|row| Some(row.1)).collect());
+            recording.progress.insert(&progress::ENV_STEPS, steps);
+            let column = progress::find(column).expect("a column");
+            recording.progress.insert(column, rows.iter().map(|row| Some(row.1)).collect());
         }
         self
     }
@@ -169,19 +169,19 @@ fn episode_row(evaluation: &Evaluation, episode: u64) -> EvaluationEpisode {
 }
 
 fn iteration_rows(recording: &Recording) -> Vec<Iteration> {
-    let cell = |column: &str, row: usize| recording.progress.get(column).and_then(|cells| cells[row]);
-    let height = recording.progress.get("env_steps").map_or(0, Vec::len);
-    let row = |row: usize| Iteration {
-        iteration: row as u64 + 1,
-        env_steps: cell("env_steps", row).expect("every row has its steps") as u64,
-        episodes: 0,
-        dense_return: None,
-        training_return: cell("training_return", row),
-        episode_length: None,
-        update: Update { kl: cell("kl", row), mmd: cell("mmd", row), d: cell("d_k", row), ..Update::default() },
-        rollout_seconds: 0.0,
-        update_seconds: 0.0,
-        physics_seconds: 0.0,
+    let height = recording.progress.get(&progress::ENV_STEPS).map_or(0, <[_]>::len);
+    let row = |row: usize| {
+        let mut iteration = Iteration { iteration: row as u64 + 1, ..Iteration::default() };
+        for column in progress::COLUMNS {
+            let number = recording.progress.get(column).and_then(|cells| cells[row]);
+            match (&column.cell, number) {
+                (Cell::Whole(field), Some(number)) => (field.set)(&mut iteration, number as u64),
+                (Cell::Number(field), Some(number)) => (field.set)(&mut iteration, number),
+                (Cell::MaybeNumber(field), number) => (field.set)(&mut iteration, number),
+                _ => {}
+            }
+        }
+        iteration
     };
     (0..height).map(row).collect()
 }

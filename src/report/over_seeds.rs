@@ -18,6 +18,7 @@ use super::{
     recorded::{Recording, Run, State},
 };
 use crate::{
+    measured::{Column, Iteration, Measure, progress},
     rng::{Seed as RngSeed, Stream},
     spec::Band,
     stats::{Bootstrap, t_interval},
@@ -58,9 +59,9 @@ impl<'a> Seed<'a> {
     }
 
     /// The last environment steps at which a run that has not ended can have a value of `y`: for returns, its last evaluation.
-    fn end(&self, y: &str) -> Option<u64> {
+    fn end(&self, y: Measure) -> Option<u64> {
         let evaluated = || self.recording.evaluations.iter().map(|episode| episode.env_steps).max().unwrap_or(0);
-        self.under_way.map(|steps| if y == "return" { steps.min(evaluated()) } else { steps })
+        self.under_way.map(|steps| if y == Measure::Return { steps.min(evaluated()) } else { steps })
     }
 }
 
@@ -115,8 +116,8 @@ pub struct OverSeeds {
 }
 
 impl OverSeeds {
-    /// The curve of column `y` of `seeds`, as far as all of them have come.
-    pub fn new(seeds: &[Seed<'_>], y: &str, averaging: Averaging) -> Self {
+    /// The curve of `y` of `seeds`, as far as all of them have come.
+    pub fn new(seeds: &[Seed<'_>], y: Measure, averaging: Averaging) -> Self {
         let end = seeds.iter().filter_map(|seed| seed.end(y)).min().unwrap_or(u64::MAX);
         let bins = Bins::of(seeds.iter().map(|seed| seed.recording), y);
         let raw: Vec<Vec<(u64, f64)>> = seeds.iter().map(|seed| values(seed.recording, y, bins, end)).collect();
@@ -199,34 +200,44 @@ struct Bins {
 }
 
 impl Bins {
-    fn of<'a>(recordings: impl Iterator<Item = &'a Recording>, y: &str) -> Self {
-        let columns = recordings.filter(|_| y != "return").filter_map(|recording| recording.progress.get("env_steps"));
+    fn of<'a>(recordings: impl Iterator<Item = &'a Recording>, y: Measure) -> Self {
+        let columns = recordings.filter(|_| y != Measure::Return);
+        let columns = columns.filter_map(|recording| recording.progress.get(&progress::ENV_STEPS));
         let longest = columns.max_by_key(|steps| steps.len()).filter(|steps| steps.len() > BINS);
         let end = longest.into_iter().flatten().flatten().fold(0.0, |end: f64, &steps| end.max(steps));
         Self { width: (end / BINS as f64).ceil() as u64 }
     }
 }
 
-/// One seed's values of column `y` over environment steps.
-pub fn seed_values(recording: &Recording, y: &str) -> Vec<(u64, f64)> {
+/// The columns of progress that the values of `y` are made from.
+pub fn columns_of(y: Measure) -> Vec<&'static Column<Iteration>> {
+    match y {
+        Measure::Return => Vec::new(),
+        Measure::Column(column) => vec![&progress::ENV_STEPS, column],
+    }
+}
+
+/// One seed's values of `y` over environment steps.
+pub fn seed_values(recording: &Recording, y: Measure) -> Vec<(u64, f64)> {
     values(recording, y, Bins::of(std::iter::once(recording), y), u64::MAX)
 }
 
 /// The same without averaging: every iteration, or every evaluation's mean.
-pub fn values_of(recording: &Recording, y: &str) -> Vec<(u64, f64)> {
+pub fn values_of(recording: &Recording, y: Measure) -> Vec<(u64, f64)> {
     values(recording, y, Bins { width: 0 }, u64::MAX)
 }
 
 /// The same in the bins of all seeds, until `end`.
-fn values(recording: &Recording, y: &str, bins: Bins, end: u64) -> Vec<(u64, f64)> {
-    if y == "return" {
+fn values(recording: &Recording, y: Measure, bins: Bins, end: u64) -> Vec<(u64, f64)> {
+    let Measure::Column(column) = y else {
         let mut evaluations: BTreeMap<u64, Vec<f64>> = BTreeMap::new();
         for episode in recording.evaluations.iter().filter(|episode| episode.env_steps <= end) {
             evaluations.entry(episode.env_steps).or_default().push(episode.dense_return);
         }
         return evaluations.into_iter().map(|(env_steps, returns)| (env_steps, mean(&returns))).collect();
-    }
-    let (Some(steps), Some(column)) = (recording.progress.get("env_steps"), recording.progress.get(y)) else {
+    };
+    let progress = &recording.progress;
+    let (Some(steps), Some(column)) = (progress.get(&progress::ENV_STEPS), progress.get(column)) else {
         return Vec::new();
     };
     let rows = steps.iter().zip(column).filter_map(|(&steps, &value)| Some((steps? as u64, value?)));

@@ -5,16 +5,13 @@
 //! last checkpoint has. Knows nothing of figures or tables, nor of which runs may be averaged, which is `comparable`'s. Start at
 //! [`load`].
 
-use std::{
-    cell::OnceCell,
-    collections::{BTreeMap, BTreeSet},
-    path::Path,
-};
+use std::{cell::OnceCell, collections::BTreeSet, path::Path};
 
 use super::comparable;
 use crate::{
+    measured::{Column, Iteration},
     plan::{self, RunSpec, Selection, Values},
-    record::{Demonstrated, Git, Manifest, Outcome, RecordError, RunPaths, Stamp, UnderWay, rows},
+    record::{Demonstrated, Git, Manifest, Outcome, RecordError, RunPaths, Stamp, UnderWay, rows, rows::Numbers},
 };
 
 /// The runs of a plan, as far as they are recorded.
@@ -26,20 +23,23 @@ pub struct Loaded {
     pub remarks: Vec<String>,
 }
 
-/// What `plan`, one experiment's runs, left under the folder `results`. Progress is read only if it is asked for.
+/// The columns of progress that are asked for.
+pub type Columns<'a> = &'a [&'static Column<Iteration>];
+
+/// What `plan`, one experiment's runs, left under the folder `results`. Of progress, `columns` alone are read.
 ///
 /// What was recorded by another specification than the plan's is told apart ([`State::Differs`]). A file that cannot be read
 /// makes its run a failed one.
 ///
 /// Errors: a run's id leads out of the folder.
-pub fn load(plan: &[RunSpec], results: &Path, progress: bool) -> Result<Loaded, RecordError> {
+pub fn load(plan: &[RunSpec], results: &Path, columns: Columns<'_>) -> Result<Loaded, RecordError> {
     let (mut runs, mut remarks) = (Vec::with_capacity(plan.len()), Vec::new());
     for planned in plan {
         let paths = RunPaths::new(results, &planned.experiment, &planned.id)?;
-        let run = load_run(planned, &paths, progress);
+        let run = load_run(planned, &paths, columns);
         let mut run = run.unwrap_or_else(|error| Run::new(planned.clone(), State::Failed { error: error.to_string() }));
         if run.state == State::Missing {
-            match under_way(planned, &paths, progress) {
+            match under_way(planned, &paths, columns) {
                 Ok(so_far) => run.under_way = so_far,
                 Err(error) => remarks.push(format!("{} is under way and cannot be drawn: {error}", planned.id)),
             }
@@ -50,14 +50,14 @@ pub fn load(plan: &[RunSpec], results: &Path, progress: bool) -> Result<Loaded, 
     Ok(Loaded { runs, remarks })
 }
 
-fn load_run(planned: &RunSpec, paths: &RunPaths, progress: bool) -> Result<Run, RecordError> {
+fn load_run(planned: &RunSpec, paths: &RunPaths, columns: Columns<'_>) -> Result<Run, RecordError> {
     let Some(manifest) = paths.ended()? else { return Ok(Run::new(planned.clone(), State::Missing)) };
     let trace = Trace::of(&manifest);
-    Ok(Run { trace: Some(trace), ..ended(planned, paths, manifest, progress)? })
+    Ok(Run { trace: Some(trace), ..ended(planned, paths, manifest, columns)? })
 }
 
 /// What became of a run with this `manifest`.
-fn ended(planned: &RunSpec, paths: &RunPaths, manifest: Manifest, progress: bool) -> Result<Run, RecordError> {
+fn ended(planned: &RunSpec, paths: &RunPaths, manifest: Manifest, columns: Columns<'_>) -> Result<Run, RecordError> {
     let as_planned = |state| Run::new(planned.clone(), state);
     let recorded = match plan::recorded(&manifest.stamp.spec) {
         Ok(recorded) => recorded,
@@ -71,7 +71,7 @@ fn ended(planned: &RunSpec, paths: &RunPaths, manifest: Manifest, progress: bool
         Outcome::Begun => Ok(as_planned(State::Missing)),
         Outcome::Failed { error, .. } => Ok(as_planned(State::Failed { error: error.clone() })),
         Outcome::Finished => {
-            let recording = match recording(manifest, paths, progress)? {
+            let recording = match recording(manifest, paths, columns)? {
                 Ok(recording) => recording,
                 Err(error) => return Ok(as_planned(State::Failed { error })),
             };
@@ -85,25 +85,31 @@ fn ended(planned: &RunSpec, paths: &RunPaths, manifest: Manifest, progress: bool
 /// What `planned`, which has not ended, has come to; nothing where another specification is under way.
 ///
 /// Errors: its files are damaged or of another program.
-fn under_way(planned: &RunSpec, paths: &RunPaths, progress: bool) -> Result<Option<SoFar>, RecordError> {
+fn under_way(planned: &RunSpec, paths: &RunPaths, columns: Columns<'_>) -> Result<Option<SoFar>, RecordError> {
     let Some(UnderWay { manifest, iterations, evaluations }) = UnderWay::read(paths)? else { return Ok(None) };
     let same = plan::recorded(&manifest.stamp.spec)
         .is_ok_and(|recorded| recorded.budget == planned.budget && comparable::changes(&recorded, planned).is_empty());
     let Some(last) = iterations.last().filter(|_| same) else { return Ok(None) };
     let env_steps = last.env_steps;
-    let progress = if progress { rows::numbers(&iterations)? } else { BTreeMap::new() };
+    let progress = Numbers::of(&iterations, columns);
     let evaluations =
         evaluations.iter().map(|row| Evaluation::new(row.env_steps, row.last, row.dense_return)).collect();
     Ok(Some(SoFar { env_steps, recording: Recording::new(manifest.stamp, evaluations, progress) }))
 }
 
 /// What a finished run recorded, or why that is no result.
-fn recording(manifest: Manifest, paths: &RunPaths, progress: bool) -> Result<Result<Recording, String>, RecordError> {
+fn recording(
+    manifest: Manifest,
+    paths: &RunPaths,
+    columns: Columns<'_>,
+) -> Result<Result<Recording, String>, RecordError> {
     manifest.check_tables(&paths.complete)?;
     let episodes = rows::read_evaluations(&RunPaths::evaluations(&paths.complete))?;
     let evaluations = episodes.iter().map(|row| Evaluation::new(row.env_steps, row.last, row.dense_return)).collect();
-    let file = RunPaths::progress(&paths.complete);
-    let progress = if progress { rows::read_numbers(&file)? } else { BTreeMap::new() };
+    let progress = match columns {
+        [] => Numbers::default(),
+        columns => rows::read_numbers(&RunPaths::progress(&paths.complete), columns)?,
+    };
     let recording = Recording::new(manifest.stamp, evaluations, progress);
     let returns = recording.final_returns();
     Ok(match returns.iter().find(|value| !value.is_finite()) {
@@ -203,8 +209,8 @@ pub struct SoFar {
 pub struct Recording {
     /// The evaluation episodes.
     pub evaluations: Vec<Evaluation>,
-    /// The numeric columns of `progress.parquet`, one entry an iteration; a null is `None`.
-    pub progress: BTreeMap<String, Vec<Option<f64>>>,
+    /// Columns of `progress.parquet`, those that were asked for.
+    pub progress: Numbers,
     /// The digest of the demonstration that it learned from; absent for an algorithm without one.
     pub demonstration: Option<String>,
     /// What that demonstration holds; absent for an algorithm without one, and where an older program recorded the run.
@@ -281,7 +287,7 @@ pub fn demonstrated_return(runs: &[&Run]) -> Option<f64> {
 }
 
 impl Recording {
-    fn new(stamp: Stamp, evaluations: Vec<Evaluation>, progress: BTreeMap<String, Vec<Option<f64>>>) -> Self {
+    fn new(stamp: Stamp, evaluations: Vec<Evaluation>, progress: Numbers) -> Self {
         let Stamp { demonstration, demonstrated, build, .. } = stamp;
         Self { evaluations, progress, demonstration, demonstrated, versions: build.versions }
     }
@@ -295,10 +301,10 @@ impl Recording {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::fixture;
+    use crate::{measured::progress, report::fixture};
 
     fn loaded(run: &Run, folder: &Path) -> Run {
-        load(std::slice::from_ref(&run.spec), folder, true).expect("a good id").runs.remove(0)
+        load(std::slice::from_ref(&run.spec), folder, progress::COLUMNS).expect("a good id").runs.remove(0)
     }
 
     fn failure(run: &Run) -> &str {
@@ -319,7 +325,8 @@ mod tests {
             let paths = RunPaths::new(folder.path(), &run.spec.experiment, &run.spec.id).expect("a good id");
             let bytes = std::fs::read(paths.complete.join(name)).expect("it was written");
             std::fs::write(paths.complete.join(name), &bytes[..bytes.len() / 2]).expect("written");
-            let runs = load(&[run.spec.clone(), good.spec.clone()], folder.path(), true).expect("good ids").runs;
+            let runs =
+                load(&[run.spec.clone(), good.spec.clone()], folder.path(), progress::COLUMNS).expect("good ids").runs;
             assert!(failure(&runs[0]).contains(name), "{name}: {}", failure(&runs[0]));
             assert!(runs[1].recording().is_some(), "{name}");
         }
@@ -327,7 +334,7 @@ mod tests {
         fixture::record(&run, folder.path());
         let paths = RunPaths::new(folder.path(), &run.spec.experiment, &run.spec.id).expect("a good id");
         std::fs::write(RunPaths::progress(&paths.complete), "not Parquet").expect("written");
-        let runs = load(&[run.spec], folder.path(), false).expect("a good id").runs;
+        let runs = load(&[run.spec], folder.path(), &[]).expect("a good id").runs;
         assert!(runs[0].recording().is_some(), "progress was not asked for");
     }
 
@@ -375,41 +382,15 @@ mod tests {
         fixture::record(&finished, folder.path());
         fixture::record(&failed, folder.path());
         let plan = [&finished, &failed, &missing].map(|run| run.spec.clone());
-        let runs = load(&plan, folder.path(), true).expect("readable").runs;
+        let runs = load(&plan, folder.path(), progress::COLUMNS).expect("readable").runs;
         assert_eq!([&runs[1].state, &runs[2].state], [&failed.state, &missing.state]);
         assert!(runs[1].trace.is_some() && runs[2].trace.is_none());
         let (read, written) = (runs[0].recording().expect("finished"), finished.recording().expect("finished"));
         assert_eq!(read.evaluations, written.evaluations);
         assert_eq!((&read.demonstration, &read.demonstrated), (&written.demonstration, &written.demonstrated));
-        assert_eq!(read.progress["mmd"], written.progress["mmd"]);
-        assert_eq!(read.progress["env_steps"], written.progress["env_steps"]);
-        assert_eq!(read.progress["kl"], [None, None]);
-        assert!(!read.progress.contains_key("case"), "text is no number");
-    }
-
-    #[test]
-    fn a_figure_can_draw_every_column_of_numbers_and_no_other() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let run = fixture::ppo("Hopper-v2", 0).finished(&[(100, &[1.0])]).progress("kl", &[(10, 0.5)]);
-        fixture::record(&run, folder.path());
-        let paths = RunPaths::new(folder.path(), &run.spec.experiment, &run.spec.id).expect("a good id");
-        let columns = rows::read_numbers(&RunPaths::progress(&paths.complete)).expect("readable");
-        let parsed = |y: &str| {
-            let text = format!(
-                "name = 'x'\nbudget.env_steps = 4096\n[[matrix]]\nseed = [0]\nenv = ['Hopper-v2']\nalgorithm = ['ppo']\n\
-                 [[figures]]\nname = 'f'\ntitle = ''\nseries = []\ny = '{y}'"
-            );
-            let overrides = crate::spec::Overrides::default();
-            crate::spec::parse(Path::new("x.toml"), &text, &overrides).map_err(|errors| errors.render(false))
-        };
-        // What every row begins with is no measurement; `d_k` is called `d`.
-        let keys = ["d", "epsilon", "seed", "env_steps", "d_k"];
-        for column in columns.keys().filter(|column| !keys.contains(&column.as_str())).map(String::as_str).chain(["d"])
-        {
-            assert!(parsed(column).is_ok(), "{column}: {:?}", parsed(column));
-        }
-        let error = parsed("case").expect_err("it holds words");
-        assert!(error.contains("`case` holds words; a figure draws numbers"), "{error}");
+        assert_eq!(read.progress.get(&progress::MMD), written.progress.get(&progress::MMD));
+        assert_eq!(read.progress.get(&progress::ENV_STEPS), written.progress.get(&progress::ENV_STEPS));
+        assert_eq!(read.progress.get(&progress::KL), Some(&[None, None][..]));
     }
 
     #[test]
@@ -422,14 +403,14 @@ mod tests {
         assert_eq!(run.state, State::Missing);
         let so_far = run.under_way.expect("rows");
         assert_eq!((so_far.env_steps, so_far.recording.final_returns().len()), (30, 2));
-        assert_eq!(so_far.recording.progress["env_steps"], [Some(10.0), Some(30.0)]);
-        let kl = &so_far.recording.progress["kl"];
+        assert_eq!(so_far.recording.progress.get(&progress::ENV_STEPS), Some(&[Some(10.0), Some(30.0)][..]));
+        let kl = so_far.recording.progress.get(&progress::KL).expect("it was asked for");
         assert!(kl[0] == Some(0.5) && kl[1].is_some_and(f64::is_nan), "{kl:?}");
         let longer = fixture::ppo("Hopper-v2", 0).budget(7);
         assert_eq!(loaded(&longer, folder.path()).under_way, None, "another specification's");
         let paths = RunPaths::new(folder.path(), &run.spec.experiment, &run.spec.id).expect("a good id");
         std::fs::write(RunPaths::checkpoint(&paths.partial), "damaged").expect("written");
-        let loaded = load(&[run.spec], folder.path(), true).expect("a good id");
+        let loaded = load(&[run.spec], folder.path(), progress::COLUMNS).expect("a good id");
         assert!(
             loaded.runs[0].under_way.is_none() && loaded.remarks[0].contains("cannot be drawn"),
             "{:?}",

@@ -20,6 +20,7 @@ use super::{
 };
 use crate::{
     env::EnvId,
+    measured::Measure,
     rng::{Rng, Seed, Stream},
     spec::Band,
     stats::{Aggregates, Bootstrap, Estimate, performance_profile, probability_of_improvement},
@@ -170,7 +171,7 @@ fn scores(runs: &[&Run]) -> Scores {
 /// The mean over the finished runs in `env` of the area under their curves of scores; `None` without any.
 fn area(runs: &[&Run], env: EnvId) -> Option<f64> {
     let finished = runs.iter().filter(|run| run.spec.env == env);
-    let areas = finished.filter_map(|run| score(env, measure::area(&seed_values(run.recording()?, "return"))?));
+    let areas = finished.filter_map(|run| score(env, measure::area(&seed_values(run.recording()?, Measure::Return))?));
     let areas: Vec<f64> = areas.collect();
     (!areas.is_empty()).then(|| mean(&areas))
 }
@@ -182,7 +183,7 @@ fn half(run: &Run) -> Option<f64> {
         State::Failed { .. } => return Some(f64::INFINITY),
         State::Missing | State::Differs { .. } => return None,
     };
-    let values = seed_values(recording, "return");
+    let values = seed_values(recording, Measure::Return);
     let first = values.iter().find(|(_, value)| score(run.spec.env, *value).is_some_and(|score| score >= HALF));
     let budget = run.spec.budget.env_steps.get() as f64;
     Some(first.map_or(f64::INFINITY, |(steps, _)| *steps as f64 / budget))

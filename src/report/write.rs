@@ -10,11 +10,11 @@ use crate::{
     escape,
     plan::{self, RunSpec, Selection},
     record,
-    spec::{ExperimentSpec, Figure, STEP, Table, Width},
+    spec::{Drawing, ExperimentSpec, Figure, Table, Width},
 };
 
 use super::{
-    ClaimsData, CurveData, ReportError, Scope, TableData, axis, claims, figure,
+    ClaimsData, CurveData, ReportError, Scope, TableData, axis, claims, curve, figure,
     files::Files,
     identity::Identities,
     notes,
@@ -57,8 +57,10 @@ pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Wri
     let (home, whole, plan) = planned(spec, results, scope)?;
     let identities = identities(&whole);
     let figures = figures(spec);
-    let progress = figures.iter().any(|figure| figure.y != "return") || spec.claims.iter().any(claims::needs_progress);
-    let Loaded { mut runs, remarks } = recorded::load(&plan, results, progress)?;
+    let drawn = figures.iter().filter_map(|figure| figure.y.measure());
+    let of_claims = spec.claims.iter().flat_map(claims::measure::columns);
+    let columns: Vec<_> = drawn.flat_map(curve::columns).chain(of_claims).collect();
+    let Loaded { mut runs, remarks } = recorded::load(&plan, results, &columns)?;
     let count = runs.len();
     let untouched = leave_out_untouched(&mut runs);
     let tables = tables(spec, &runs);
@@ -89,12 +91,13 @@ pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Wri
     }
     let (mut unknown, mut shown) = (BTreeSet::new(), Vec::new());
     for figure in &figures {
-        let (picture, caption, curves) = if figure.y == STEP {
-            (figure::step::draw(figure.width.map(Width::inches))?, String::new(), None)
-        } else {
-            let data = CurveData::new(figure, &selected(&runs, figure.only.as_deref())?, &identities)?;
-            files.write(&format!("{}-curves", figure.name), "csv", &text::curves_csv(&data)?)?;
-            (figure::draw(&data), figure::notes(&data).all(), Some(data))
+        let (picture, caption, curves) = match figure.y {
+            Drawing::Step => (figure::step::draw(figure.width.map(Width::inches))?, String::new(), None),
+            Drawing::Of(y) => {
+                let data = CurveData::new(figure, y, &selected(&runs, figure.only.as_deref())?, &identities)?;
+                files.write(&format!("{}-curves", figure.name), "csv", &text::curves_csv(&data)?)?;
+                (figure::draw(&data), figure::notes(&data).all(), Some(data))
+            }
         };
         unknown.extend(picture.without_glyph());
         let svg = picture.svg().map_err(ReportError::Draw)?;
@@ -192,7 +195,7 @@ pub fn planned(
 
 /// How the names of the files of `figure` end.
 fn figure_files(figure: &Figure) -> Vec<&'static str> {
-    let (numbers, print) = (figure.y != STEP, figure.width.is_some());
+    let (numbers, print) = (figure.y.measure().is_some(), figure.width.is_some());
     let all = [(".png", true), (".svg", true), (".pdf", print), ("-curves.csv", numbers)];
     all.into_iter().filter(|(_, has)| *has).map(|(extension, _)| extension).collect()
 }

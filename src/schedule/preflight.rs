@@ -89,7 +89,7 @@ pub fn plan(specs: Vec<RunSpec>, results: &Path) -> Result<Vec<Planned>, Problem
         });
     }
     let build = Build::current(serde_json::Value::Null);
-    let origin = Origin::current();
+    let origin = Origin::current(results);
     let mut planned: Vec<Planned> = Vec::new();
     let mut places: BTreeMap<PathBuf, String> = BTreeMap::new();
     for spec in specs {

@@ -88,7 +88,7 @@ impl Submission {
             experiment: experiment.to_owned(),
             results: results.into(),
             folder: folder.into(),
-            origin: Origin::current(),
+            origin: Origin::current(results),
             cpus,
             retries,
             verbose,

@@ -15,7 +15,7 @@ use toml::{
 
 use super::{
     Claim, Figure, Settings, SettingsTable, Slurm, Table,
-    names::{date_in_words, plain},
+    names::{date_in_words, plain, told_apart},
 };
 use crate::{
     algo::{Entry, catalogue},
@@ -39,6 +39,8 @@ type Read = dyn Fn(Spanned<DeTable<'_>>) -> Result<(), toml::de::Error> + Send +
 #[derive(Debug, PartialEq)]
 pub(super) struct Refusal {
     pub(super) message: String,
+    /// Whether the message says what it is about; else the name of the key has to stand before it.
+    pub(super) says_all: bool,
     pub(super) label: Option<String>,
     /// The bytes of the value, or of the part of it that is wrong.
     pub(super) span: Range<usize>,
@@ -95,11 +97,14 @@ impl Section {
             let whole = value.span();
             let part = error.span().filter(|part| whole.start <= part.start && part.end <= whole.end);
             let span = part.unwrap_or(whole);
+            if let Some((message, label)) = told_apart(error.message()) {
+                return Refusal { message, says_all: true, label, span };
+            }
             let (message, label) = match (date_at(value, &span), error.message().strip_prefix("invalid type: map,")) {
                 (Some(date), Some(expected)) => plain(&format!("invalid type: {date},{expected}")),
                 _ => plain(error.message()),
             };
-            Refusal { message, label, span }
+            Refusal { message, says_all: false, label, span }
         })
     }
 

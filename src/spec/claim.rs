@@ -2,7 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::quantity::{UnitInterval, constant};
+use super::measured;
+use crate::{
+    measured::Measure,
+    quantity::{UnitInterval, constant},
+};
 
 /// One claim: `on` of the runs `of` is above, below or like that of the runs `than`; or they keep their constraint.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -19,7 +23,9 @@ pub struct Claim {
     pub than: Option<String>,
     /// What is compared: `return` (evaluations, dense) or a column of numbers of `progress.parquet`.
     #[serde(default = "Claim::returns")]
-    pub on: String,
+    #[serde(with = "measured")]
+    #[schemars(with = "String")]
+    pub on: Measure,
     /// Which part of training counts.
     #[serde(default)]
     pub at: Part,
@@ -78,11 +84,8 @@ impl Claim {
     /// What `than` calls the demonstration's return.
     pub const DEMONSTRATION: &'static str = "demonstration";
 
-    /// What `on` calls returns.
-    pub const RETURN: &'static str = "return";
-
-    fn returns() -> String {
-        Self::RETURN.into()
+    fn returns() -> Measure {
+        Measure::Return
     }
 
     fn nearly_all() -> UnitInterval {

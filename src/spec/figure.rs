@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Band, Panels, Width};
-use crate::{algo::Update, quantity::EnvSteps};
+use super::{Band, Drawing, Panels, Width};
+use crate::{measured::Measure, quantity::EnvSteps};
 
 /// `[[figures]]`: learning curves in panels.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -13,9 +13,9 @@ pub struct Figure {
     pub name: String,
     /// Title above the panels; a figure for print has none, since its caption says it.
     pub title: String,
-    /// What is drawn: `return` (evaluations, dense), `training_return` or a column of `progress.parquet`; or `step`, the sketch of
+    /// What is drawn: `return` (evaluations, dense) or a column of numbers of `progress.parquet`; or `step`, the sketch of
     /// one step of MCPO, which needs no run.
-    pub y: String,
+    pub y: Drawing,
     /// Axes whose values make one curve each, such as `["d"]`.
     pub series: Vec<String>,
     /// An axis, for one panel per value, or a list of selections, as for `--only`, for one panel per selection; one panel per
@@ -83,41 +83,8 @@ pub struct SettingsTable {
 /// What a table of settings can show beside parameters.
 pub(super) const OF_ENVIRONMENTS: [&str; 3] = ["observations", "actions", "trajectories"];
 
-/// What a figure can draw without any run: one step of MCPO, as in the paper's Figure 1.
-pub const STEP: &str = "step";
-
 /// The paper's tables that a table can be compared with.
 pub(super) const REFERENCES: [&str; 3] = ["table3", "table4", "table5"];
-
-/// Columns of `progress.parquet` that are not the update's.
-const ROLLOUT_COLUMNS: [&str; 8] = [
-    "iteration",
-    "episodes",
-    "dense_return",
-    "training_return",
-    "episode_length",
-    "physics_seconds",
-    "rollout_seconds",
-    "update_seconds",
-];
-
-/// Columns that hold words, which a figure cannot draw.
-pub(super) const WORDS: [&str; 1] = ["case"];
-
-/// What a figure's `y` can be: columns of numbers.
-pub(super) fn columns() -> Vec<&'static str> {
-    static UPDATE: std::sync::LazyLock<Vec<String>> = std::sync::LazyLock::new(|| {
-        let fields = serde_json::to_value(Update::default()).unwrap_or_default();
-        fields
-            .as_object()
-            .into_iter()
-            .flatten()
-            .filter(|(key, value)| value.is_null() && !WORDS.contains(&key.as_str()))
-            .map(|(key, _)| key.clone())
-            .collect()
-    });
-    ["return", STEP].into_iter().chain(ROLLOUT_COLUMNS).chain(UPDATE.iter().map(String::as_str)).collect()
-}
 
 impl Figure {
     /// The figure `name` of the dense return in each environment.
@@ -125,7 +92,7 @@ impl Figure {
         Self {
             name: name.to_owned(),
             title,
-            y: "return".to_owned(),
+            y: Drawing::Of(Measure::Return),
             series: Vec::new(),
             panels: Panels::default(),
             only: None,

@@ -45,6 +45,17 @@ pub(super) fn list<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     }
 }
 
+/// The text of an error of a type of this module, which says all of it: `message`, and what to show at the caret.
+pub(super) fn told(message: &str, label: Option<&str>) -> String {
+    format!("{message}\n{}", label.unwrap_or_default())
+}
+
+/// What [`told`] put together; `None` for another text.
+pub(super) fn told_apart(text: &str) -> Option<(String, Option<String>)> {
+    let (message, label) = text.split_once('\n')?;
+    Some((message.to_owned(), Some(label.to_owned()).filter(|label| !label.is_empty())))
+}
+
 /// A message of serde, toml or a bounded number in plain words, and what to show at the caret.
 pub(super) fn plain(message: &str) -> (String, Option<String>) {
     let message = message.lines().next().unwrap_or_default();

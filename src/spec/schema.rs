@@ -5,12 +5,12 @@ use std::sync::LazyLock;
 use serde_json::{Map, Value, json};
 
 use super::{
-    Algorithm, Parameter,
+    Algorithm, Drawing, Parameter,
     catalog::{Catalog, Section},
     check::BLOCK_KEYS,
     figure,
 };
-use crate::env::EnvId;
+use crate::{env::EnvId, measured::Measure};
 
 /// The JSON Schema (draft 2020-12) of a matrix file: every key with its documentation.
 pub fn schema() -> Value {
@@ -50,7 +50,7 @@ pub fn schema() -> Value {
         let fields = &mut element["properties"];
         fields["name"] = name("File name without extension");
         for (field, names) in
-            [("y", figure::columns()), ("reference", figure::REFERENCES.to_vec()), ("columns", dimensions())]
+            [("y", Drawing::names().collect()), ("reference", figure::REFERENCES.to_vec()), ("columns", dimensions())]
         {
             fields.get_mut(field).into_iter().for_each(|schema| one_of(schema, &names));
         }
@@ -96,7 +96,7 @@ fn block() -> Value {
 /// A claim: what is kept is compared with nothing, what is compared is compared with something.
 fn claim(section: &Section) -> Value {
     let mut claim = section.schema(&[]).cloned().unwrap_or_default();
-    one_of(&mut claim["properties"]["on"], &figure::columns());
+    one_of(&mut claim["properties"]["on"], &Measure::names().collect::<Vec<_>>());
     let relation = |names: &[&str]| json!({ "is": { "enum": names } });
     let mut compared = relation(&["above", "below"]);
     compared["share"] = json!(false);

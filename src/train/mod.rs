@@ -9,74 +9,14 @@ mod offline;
 mod on_policy;
 pub mod rollout;
 
-use serde::{Deserialize, Serialize};
+pub use crate::measured::{EvaluationEpisode, Iteration};
 
 use crate::{
-    algo::{Agent, AlgoError, Learner, Update},
+    algo::{Agent, AlgoError, Learner},
     demo::DemoError,
     env::EnvError,
     plan::RunSpec,
 };
-
-/// One iteration of training.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Iteration {
-    /// Counted from 1; 0 for what was learned before the first step.
-    pub iteration: u64,
-    /// Environment steps so far, this iteration's included.
-    pub env_steps: u64,
-    /// Episodes that ended in this iteration's rollout.
-    pub episodes: u64,
-    /// Mean dense return of those episodes.
-    pub dense_return: Option<f64>,
-    /// Mean return of those episodes in the reward that is trained on.
-    pub training_return: Option<f64>,
-    /// Mean length of those episodes, steps.
-    pub episode_length: Option<f64>,
-    /// What the update did.
-    pub update: Update,
-    /// Seconds in the environments' physics, part of the rollout's.
-    pub physics_seconds: f64,
-    /// Seconds of the rollout.
-    pub rollout_seconds: f64,
-    /// Seconds of the update.
-    pub update_seconds: f64,
-}
-
-impl Iteration {
-    /// What was learned before the first step in an environment.
-    fn before_any(update: Update) -> Self {
-        Self {
-            iteration: 0,
-            env_steps: 0,
-            episodes: 0,
-            dense_return: None,
-            training_return: None,
-            episode_length: None,
-            update,
-            physics_seconds: 0.0,
-            rollout_seconds: 0.0,
-            update_seconds: 0.0,
-        }
-    }
-}
-
-/// One evaluation episode.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct EvaluationEpisode {
-    /// Environment steps of training behind the policy.
-    pub env_steps: u64,
-    /// Whether this is the evaluation at the end of training.
-    pub last: bool,
-    /// Counted from 0 within the evaluation.
-    pub episode: u64,
-    /// Return in the dense reward.
-    pub dense_return: f64,
-    /// Return in the reward that is trained on.
-    pub training_return: f64,
-    /// Steps.
-    pub length: u64,
-}
 
 /// Whether to go on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

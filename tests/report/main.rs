@@ -1,5 +1,6 @@
 //! `mcpo-run report` on recorded files, as a user calls it.
 
+mod columns;
 mod page;
 mod recorded;
 

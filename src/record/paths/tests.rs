@@ -156,3 +156,13 @@ fn a_file_in_the_way_makes_the_results_unwritable() {
     check_writable(&folder.path().join("new/results")).expect("made");
     assert_eq!(fs::read_dir(folder.path().join("new/results")).expect("readable").count(), 0, "the probe was left");
 }
+
+#[test]
+fn a_file_of_a_run_tells_the_folder_of_results_while_it_is_in_its_place() {
+    let results = |file: &str| RunPaths::results_of(Path::new(file), "e", "a/b/seed-0");
+    for file in ["/r/e/runs/a/b/seed-0", "/r/e/runs/a/b/seed-0/progress.parquet", "/r/e/runs/a/b/seed-0/policies/1"] {
+        assert_eq!(results(file), Some("/r".into()), "{file}");
+    }
+    assert_eq!(results("/r/e/runs/a/b/seed-1/progress.parquet"), None);
+    assert_eq!(results("/downloads/progress.parquet"), None);
+}

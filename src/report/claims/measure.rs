@@ -1,9 +1,10 @@
 //! The one number of a run that a claim is about.
 
 use crate::{
+    measured::{Column, Iteration, Measure, progress},
     report::{
         curve::mean,
-        over_seeds::seed_values,
+        over_seeds::{columns_of, seed_values},
         recorded::{Recording, Run},
     },
     spec::{Claim, Part, Relation},
@@ -21,17 +22,19 @@ pub fn of(run: &Run, claim: &Claim) -> Option<f64> {
     let recording = run.recording()?;
     let number = match (claim.is, claim.at) {
         (Relation::Kept, _) => share_kept(recording),
-        (_, Part::End) if claim.on == Claim::RETURN => Some(mean(&recording.final_returns())),
-        (_, Part::End) => end(&values(recording, &claim.on)),
-        (_, Part::Area) => area(&values(recording, &claim.on)),
+        (_, Part::End) if claim.on == Measure::Return => Some(mean(&recording.final_returns())),
+        (_, Part::End) => end(&seed_values(recording, claim.on)),
+        (_, Part::Area) => area(&seed_values(recording, claim.on)),
     };
     number.filter(|number| number.is_finite())
 }
 
-/// The values of `on` over environment steps.
-fn values(recording: &Recording, on: &str) -> Vec<(u64, f64)> {
-    // The column `d` is the key, where the tolerance starts.
-    seed_values(recording, if on == "d" { "d_k" } else { on })
+/// The columns of progress that `claim` is judged by.
+pub fn columns(claim: &Claim) -> Vec<&'static Column<Iteration>> {
+    match claim.is {
+        Relation::Kept => vec![&progress::MMD, &progress::TOLERANCE],
+        Relation::Above | Relation::Below | Relation::Like => columns_of(claim.on),
+    }
 }
 
 /// The mean over the last tenth of the steps.
@@ -53,7 +56,7 @@ pub fn area(values: &[(u64, f64)]) -> Option<f64> {
 /// Of the iterations after the first in which the constraint was met, the share in which it was; 0 where it never was, `None`
 /// where there is no such constraint or no iteration after.
 fn share_kept(recording: &Recording) -> Option<f64> {
-    let (mmd, tolerance) = (recording.progress.get("mmd")?, recording.progress.get("d_k")?);
+    let (mmd, tolerance) = (recording.progress.get(&progress::MMD)?, recording.progress.get(&progress::TOLERANCE)?);
     let met: Vec<bool> =
         mmd.iter().zip(tolerance).filter_map(|(mmd, d)| Some((*mmd)? <= (1.0 + D_MARGIN) * (*d)?)).collect();
     let Some(first) = met.iter().position(|met| *met) else { return (!met.is_empty()).then_some(0.0) };

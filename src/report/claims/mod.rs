@@ -17,6 +17,7 @@ use super::{
     verdict::SEEDS_FOR_VERDICT,
 };
 use crate::{
+    measured::Measure,
     plan::Selection,
     spec::{Claim, Environments, Relation},
     stats::{Interval, share_above},
@@ -105,11 +106,6 @@ impl ClaimsData {
     pub fn by_claim(&self) -> impl Iterator<Item = &[ClaimRow]> {
         self.rows.chunk_by(|one, other| one.claim.name == other.claim.name)
     }
-}
-
-/// Whether `claim` needs more of a run than its evaluations.
-pub fn needs_progress(claim: &Claim) -> bool {
-    claim.is == Relation::Kept || claim.on != Claim::RETURN
 }
 
 /// What a row is made of: one environment, or several.
@@ -231,7 +227,7 @@ fn part(claim: &Claim, of: &[&Run], than: &[&Run]) -> Result<Part, String> {
     if !differing.is_empty() {
         return Err(format!("the runs that they are compared with differ in {}", differing.join(", ")));
     }
-    let scale = (claim.is != Relation::Kept && claim.on == Claim::RETURN).then(|| reference::scale(env)).flatten();
+    let scale = (claim.is != Relation::Kept && claim.on == Measure::Return).then(|| reference::scale(env)).flatten();
     let enough = |runs: &[&Run]| {
         let values: Vec<f64> = runs.iter().filter_map(|run| measure::of(run, claim)).collect();
         match values.len() {

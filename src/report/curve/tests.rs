@@ -1,14 +1,21 @@
 use super::*;
-use crate::report::fixture;
+use crate::{report::fixture, spec::Drawing};
 
 fn figure(y: &str, log_y: bool) -> Figure {
     let returns = Figure::returns("f", "t".into());
-    Figure { y: y.into(), series: vec!["d".into()], reference: Some("table3".into()), log_y, ..returns }
+    Figure {
+        y: Drawing::Of(Measure::parse(y).expect("a column")),
+        series: vec!["d".into()],
+        reference: Some("table3".into()),
+        log_y,
+        ..returns
+    }
 }
 
 fn curves(figure: &Figure, runs: &[Run]) -> CurveData {
     let runs: Vec<&Run> = runs.iter().collect();
-    CurveData::new(figure, &runs, &Identities::new(&runs)).expect("selections that are understood")
+    CurveData::new(figure, figure.y.measure().expect("curves"), &runs, &Identities::new(&runs))
+        .expect("selections that are understood")
 }
 
 fn close(left: f64, right: f64) -> bool {
@@ -151,7 +158,7 @@ fn seeds_under_way_are_averaged_as_far_as_all_that_are_drawn_have_come() {
     fixture::record_under_way(&at(2, 50), folder.path());
     fixture::record_under_way(&at(3, 5), folder.path());
     let plan: Vec<_> = (0..5).map(|seed| fixture::ppo("Hopper-v2", seed).spec).collect();
-    let runs = crate::report::load(&plan, folder.path(), true).expect("good ids").runs;
+    let runs = crate::report::load(&plan, folder.path(), progress::COLUMNS).expect("good ids").runs;
     let data = curves(&Figure { series: vec!["algorithm".into()], ..figure("return", false) }, &runs);
     let curve = data.panels[0].curves[0].as_ref().expect("a curve");
     // 3 seeds to 50 steps make more than 1 to 100, 2 to 70 or 4 to 5.

@@ -21,8 +21,9 @@ use super::{
     write::{figures, identities, planned, selected},
 };
 use crate::{
+    measured::progress,
     record::{self, RecordError},
-    spec::{ExperimentSpec, STEP},
+    spec::ExperimentSpec,
 };
 
 /// A format of another program.
@@ -40,6 +41,33 @@ pub enum Format {
     Json,
 }
 
+impl Format {
+    /// Every format, in the order in which they are written.
+    pub const ALL: [Self; 5] = [Self::Tensorboard, Self::Rliable, Self::MarlEval, Self::Csv, Self::Json];
+
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Tensorboard => "tensorboard",
+            Self::Rliable => "rliable",
+            Self::MarlEval => "marl-eval",
+            Self::Csv => "csv",
+            Self::Json => "json",
+        }
+    }
+
+    /// What it holds, for the command line's help.
+    pub fn help(self) -> &'static str {
+        match self {
+            Self::Tensorboard => "Event files with hyperparameters, for TensorBoard",
+            Self::Rliable => "Scores by method, seed and environment, as rliable reads them",
+            Self::MarlEval => "Every evaluation, as marl-eval reads them",
+            Self::Csv => "Every evaluation episode as a row",
+            Self::Json => "The numbers of each figure",
+        }
+    }
+}
+
 /// Writes what is recorded of `spec`, as far as `scope` goes, in these `formats`; gives the files.
 ///
 /// Errors: as for [`write()`](super::write()).
@@ -50,7 +78,7 @@ pub fn export(
     formats: &[Format],
 ) -> Result<Vec<PathBuf>, ReportError> {
     let (home, whole, plan) = planned(spec, results, scope)?;
-    let runs = recorded::load(&plan, results, true)?.runs;
+    let runs = recorded::load(&plan, results, progress::COLUMNS)?.runs;
     let folder = home.join(scope.folder());
     refuse_link(&folder)?;
     let folder = folder.join("export");
@@ -78,9 +106,10 @@ pub fn export(
             Format::MarlEval => write("marl-eval.json", text(&scores::marl_eval(&spec.name, &runs)).as_bytes())?,
             Format::Csv => write("evaluations.csv", &rows::evaluations(&runs)?)?,
             Format::Json => {
-                for figure in figures(spec).iter().filter(|figure| figure.y != STEP) {
+                for figure in &figures(spec) {
+                    let Some(y) = figure.y.measure() else { continue };
                     let runs = selected(&runs, figure.only.as_deref())?;
-                    let data = CurveData::new(figure, &runs, &identities(&whole))?;
+                    let data = CurveData::new(figure, y, &runs, &identities(&whole))?;
                     write(&format!("{}.json", figure.name), text(&rows::figure(&data)).as_bytes())?;
                 }
             }

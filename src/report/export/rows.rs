@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use super::method;
 use crate::{
     escape,
+    measured::{evaluations, progress},
     report::{
         curve::{Across, Curve, CurveData},
         recorded::Run,
@@ -20,7 +21,7 @@ use crate::{
 pub fn evaluations(runs: &[Run]) -> Result<Vec<u8>, csv::Error> {
     let axes: BTreeSet<&str> = runs.iter().flat_map(|run| run.spec.axes.keys()).map(String::as_str).collect();
     let first = ["env", "algorithm", "method", "seed"];
-    let last = ["env_steps", "last", "dense_return"];
+    let last = [evaluations::ENV_STEPS.name, evaluations::LAST.name, evaluations::DENSE_RETURN.name];
     let headers: Vec<&str> = first.into_iter().chain(axes.iter().copied()).chain(last).collect();
     let of_run = |run: &Run| {
         let spec = &run.spec;
@@ -39,7 +40,7 @@ pub fn evaluations(runs: &[Run]) -> Result<Vec<u8>, csv::Error> {
 
 /// What a figure draws, with every number in full: panel by panel, series by series.
 pub fn figure(data: &CurveData) -> Value {
-    let x = if data.across == Across::Steps { "env_steps" } else { "normalised_return" };
+    let x = if data.across == Across::Steps { progress::ENV_STEPS.name } else { "normalised_return" };
     let of_curve = |name: &str, curve: &Curve| {
         let singles = curve.singles.iter().map(|single| {
             let points = single.points.iter().map(|point| point.1).collect::<Vec<_>>();

@@ -7,13 +7,14 @@ use std::collections::BTreeMap;
 
 use serde_json::Value;
 
-use crate::report::{
-    over_seeds::values_of,
-    recorded::{Recording, Run},
+use crate::{
+    measured::{Column, Iteration, Measure, Role, progress},
+    report::{
+        over_seeds::values_of,
+        recorded::{Recording, Run},
+    },
 };
 
-/// What is no measurement in the rows of iterations.
-const KEYS: [&str; 5] = ["d", "epsilon", "seed", "env_steps", "iteration"];
 /// What is no setting in a specification.
 const NAMES: [&str; 6] = ["experiment", "id", "axes", "columns", "demonstration", "checkpoint"];
 
@@ -31,11 +32,11 @@ pub fn events(run: &Run) -> Vec<u8> {
             bytes.extend(record(&event(seconds, step, &value)));
         }
     };
-    scalar("evaluation/return", values_of(recording, "return"));
-    let measured = |name: &&String| !KEYS.contains(&name.as_str()) && !run.spec.columns.contains(name);
-    for column in recording.progress.keys().filter(measured) {
-        let name = if column == "d_k" { "d" } else { column };
-        scalar(&format!("progress/{name}"), values_of(recording, column));
+    scalar("evaluation/return", values_of(recording, Measure::Return));
+    let mut columns: Vec<_> = progress::COLUMNS.iter().filter(|column| column.role != Role::Position).collect();
+    columns.sort_by_key(|column| column.name);
+    for column in columns.into_iter().filter(|column| recording.progress.get(column).is_some()) {
+        scalar(&format!("progress/{}", column.called()), values_of(recording, Measure::Column(column)));
     }
     let end = Message::default().varint(1, 1); // STATUS_SUCCESS
     bytes.extend(record(&event(
@@ -48,15 +49,15 @@ pub fn events(run: &Run) -> Vec<u8> {
 
 /// By environment steps, the seconds that training had taken.
 fn clock(recording: &Recording) -> BTreeMap<u64, f64> {
-    let column = |name: &str| recording.progress.get(name).cloned().unwrap_or_default();
-    let (rollout, update) = (column("rollout_seconds"), column("update_seconds"));
+    let column = |column: &Column<Iteration>| recording.progress.get(column).unwrap_or_default();
+    let (rollout, update) = (column(&progress::ROLLOUT_SECONDS), column(&progress::UPDATE_SECONDS));
     let mut seconds = 0.0;
-    let of_row = |(row, steps): (usize, Option<f64>)| {
+    let of_row = |(row, steps): (usize, &Option<f64>)| {
         let cell = |cells: &[Option<f64>]| cells.get(row).copied().flatten().unwrap_or(0.0);
-        seconds += cell(&rollout) + cell(&update);
-        Some((steps? as u64, seconds))
+        seconds += cell(rollout) + cell(update);
+        Some(((*steps)? as u64, seconds))
     };
-    column("env_steps").into_iter().enumerate().filter_map(of_row).collect()
+    column(&progress::ENV_STEPS).iter().enumerate().filter_map(of_row).collect()
 }
 
 fn event(seconds: f64, step: u64, value: &Message) -> Vec<u8> {

@@ -8,6 +8,7 @@ use super::{
 };
 use crate::{
     escape,
+    measured::Measure,
     report::{
         claims::{ClaimRow, ClaimVerdict, ClaimsData, Count},
         notes,
@@ -44,9 +45,9 @@ fn summary(data: &ClaimsData) -> Grid {
 /// `return of algorithm=mcpo above that of algorithm=ppo`.
 pub fn compared(claim: &Claim) -> String {
     let part = if claim.at == Part::Area { " over all of training" } else { "" };
-    let margin = match (claim.margin, claim.on.as_str()) {
+    let margin = match (claim.margin, claim.on) {
         (0.0, _) => String::new(),
-        (margin, Claim::RETURN) => format!(", margin {} of Expert - Random", alone(margin)),
+        (margin, Measure::Return) => format!(", margin {} of Expert - Random", alone(margin)),
         (margin, _) => format!(", margin {}", number(Some(margin))),
     };
     let (of, on) = (&claim.of, &claim.on);
@@ -166,7 +167,7 @@ pub fn csv(data: &ClaimsData) -> Result<Vec<u8>, csv::Error> {
             escape::csv(&claim.of),
             is.to_owned(),
             escape::csv(claim.than.as_deref().unwrap_or_default()),
-            claim.on.clone(),
+            claim.on.name().to_owned(),
             row.env.clone().unwrap_or_default(),
             escape::csv(&row.setting),
             number(row.difference.map(|difference| difference.mean)),

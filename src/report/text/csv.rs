@@ -6,7 +6,7 @@ use super::super::{
     table::TableData,
     verdict::Comparison,
 };
-use crate::escape;
+use crate::{escape, measured::progress};
 
 /// The cells of a table, one row each: the keys as the file names them, then the numbers.
 ///
@@ -94,7 +94,7 @@ pub fn seeds_csv(data: &TableData) -> Result<Vec<u8>, csv::Error> {
 /// Errors: none that the csv crate gives for a buffer in memory.
 pub fn curves_csv(data: &CurveData) -> Result<Vec<u8>, csv::Error> {
     let mut writer = csv::Writer::from_writer(Vec::new());
-    let x = if data.across == Across::Steps { "env_steps" } else { "normalised_return" };
+    let x = if data.across == Across::Steps { progress::ENV_STEPS.name } else { "normalised_return" };
     let numbers = [x, "mean", "low", "high", "seeds", "planned_seeds"];
     writer.write_record(
         [data.panel_key.as_str()].into_iter().chain(data.keys.iter().map(String::as_str)).chain(numbers),
@@ -152,6 +152,7 @@ pub fn value(value: &Option<toml::Value>) -> String {
 mod tests {
     use super::*;
     use crate::{
+        measured::Measure,
         report::{fixture, identity::Identities, recorded::Run, text::tests::made_up},
         spec::Figure,
     };
@@ -169,7 +170,7 @@ mod tests {
 
         let figure = Figure { series: vec!["d".into()], ..Figure::returns("f", "F".into()) };
         let runs: Vec<&Run> = runs.iter().collect();
-        let data = CurveData::new(&figure, &runs, &Identities::default()).expect("no selection");
+        let data = CurveData::new(&figure, Measure::Return, &runs, &Identities::default()).expect("no selection");
         let text = String::from_utf8(curves_csv(&data).expect("written")).expect("text");
         let expected = "env,d,epsilon,env_steps,mean,low,high,seeds,planned_seeds\n\
                         Hopper-v2,0.001,0,100,-0.5,,,1,1\n\

@@ -5,7 +5,10 @@ use std::ops::Range;
 use toml::de::DeTable;
 
 use super::{Checker, Value};
-use crate::spec::{Claim, Selection, catalog::Catalog, figure};
+use crate::{
+    measured::Measure,
+    spec::{Claim, Selection, catalog::Catalog},
+};
 
 /// Keys that mean nothing for a constraint that is kept, with what they are about.
 const OF_COMPARISONS: [&str; 4] = ["than", "on", "at", "margin"];
@@ -27,10 +30,6 @@ impl Checker<'_> {
                     self.wrong(value.span(), error.to_string(), None);
                 }
             }
-            ("on", Some(column)) if figure::WORDS.contains(&column) => {
-                self.wrong(value.span(), format!("`{column}` holds words; a claim is about numbers"), None);
-            }
-            ("on", _) => self.known("column", value, &figure::columns()),
             ("margin", _) if number(value).is_some_and(|margin| !margin.is_finite()) => {
                 self.wrong(value.span(), "`margin` is not a finite number", None);
             }
@@ -64,8 +63,8 @@ impl Checker<'_> {
             let label = "expected a number above 0: nothing is the same to the last digit".to_owned();
             self.note(place("margin"), "`like` needs a `margin`", Some(label));
         }
-        let on = text("on").unwrap_or(Claim::RETURN);
-        if text("than") == Some(Claim::DEMONSTRATION) && on != Claim::RETURN {
+        let on = text("on").unwrap_or(Measure::RETURN);
+        if text("than") == Some(Claim::DEMONSTRATION) && on != Measure::RETURN {
             self.note(place("than"), format!("a demonstration has a return, but no `{on}`"), None);
         }
     }

@@ -208,7 +208,8 @@ impl<'a> Checker<'a> {
         match section.keys(path) {
             None => {
                 if let Err(refusal) = section.check(path, value) {
-                    self.wrong(refusal.span, format!("`{title}`: {}", refusal.message), refusal.label);
+                    let about = if refusal.says_all { String::new() } else { format!("`{title}`: ") };
+                    self.wrong(refusal.span, format!("{about}{}", refusal.message), refusal.label);
                 }
             }
             Some(known) => {

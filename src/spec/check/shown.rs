@@ -91,11 +91,6 @@ impl Checker<'_> {
                     figure::OF_ENVIRONMENTS.into_iter().chain(names.iter().map(String::as_str)).collect();
                 many.for_each(|element| self.known("parameter", element, &known));
             }
-            "y" if one.is_some_and(|column| figure::WORDS.contains(&column)) => {
-                let message = format!("`{}` holds words; a figure draws numbers", one.unwrap_or_default());
-                self.wrong(value.span(), message, None);
-            }
-            "y" => self.known("y", value, &figure::columns()),
             "panels" if one.is_some() => self.dimension(value),
             "panels" => many.for_each(|element| self.selection(element)),
             "reference" => self.known("reference", value, &figure::REFERENCES),
