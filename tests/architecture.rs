@@ -27,7 +27,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("solver", &["arithmetic", "quantity"]),
     ("stats", &["rng"]),
     ("nn", &["arithmetic", "solver", "quantity", "rng"]),
-    ("env", &["quantity", "rng"]),
+    ("env", &["intake", "quantity", "rng"]),
     ("demo", &["arithmetic", "env", "intake", "parquet", "quantity", "rng"]),
     ("algo", &["arithmetic", "demo", "env", "nn", "solver", "quantity", "rng"]),
     ("measured", &["algo"]),

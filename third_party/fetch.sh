@@ -4,7 +4,7 @@
 set -u
 
 here=$(cd "$(dirname "$0")" && pwd)
-stamp=$(cksum <"$here/requirements.txt")
+stamp=$(cat "$here/requirements.txt" "$here/fetch.sh" | cksum)
 if [ -e "$here/mujoco/libmujoco.so" ] && [ -d "$here/models" ] &&
     [ -f "$here/fetched" ] && [ "$(cat "$here/fetched")" = "$stamp" ]; then
     exit 0
@@ -49,7 +49,8 @@ def unpack(pattern, wanted):
                 os.makedirs(os.path.dirname(path), exist_ok=True)
                 with open(path, "wb") as file:
                     file.write(wheel.read(name))
-models = {"half_cheetah", "hopper", "walker2d", "ant", "inverted_pendulum", "inverted_double_pendulum"}
+models = {"half_cheetah", "hopper", "walker2d", "ant", "inverted_pendulum", "inverted_double_pendulum", "swimmer", "reacher",
+          "humanoid"}
 def mujoco(name):
     if name.startswith("mujoco/libmujoco.so"):
         return name

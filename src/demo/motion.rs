@@ -5,7 +5,7 @@
 //! and other engines differ), but another robot, units that are not raw, and two episodes joined end to end stand out by far.
 
 use super::Demonstration;
-use crate::env::{EnvError, EnvId, Pose};
+use crate::env::{EnvError, EnvId};
 
 /// A step that moves its positions by less than this (metres and radians, in all) tells nothing.
 const STILL: f64 = 1e-3;
@@ -52,10 +52,9 @@ pub(super) fn mover(demonstration: &Demonstration, env: EnvId) -> Result<Mover, 
     if !is_foreign(demonstration, env)? {
         return Ok(Mover::Own);
     }
-    let shape =
-        |env: EnvId| env.build().map(|environment| environment.spaces()).map(|s| (s.observation_dim, s.action_dim));
-    for other in EnvId::ALL {
-        if other != env && shape(other)? == shape(env)? && !is_foreign(demonstration, other)? {
+    let shape = |env: EnvId| env.spaces().map(|spaces| (spaces.observation_dim, spaces.action_dim));
+    for other in EnvId::shipped() {
+        if other != env && shape(other) == shape(env) && !is_foreign(demonstration, other)? {
             return Ok(Mover::Other(other));
         }
     }
@@ -82,20 +81,18 @@ pub(super) fn jumps(demonstration: &Demonstration, env: EnvId) -> Result<Vec<usi
     Ok(if 2 * steps.len() <= motions.len() { steps } else { Vec::new() })
 }
 
-/// How the positions move from step to step within each episode, for the first `most` steps.
+/// How the positions move from step to step within each episode, for the first `most` steps; nothing of an environment whose
+/// observations do not hold a pose.
 ///
 /// Errors: the physics engine refuses the model. The shapes must be those of `env`.
 fn motions(demonstration: &Demonstration, env: EnvId, most: usize) -> Result<Vec<Motion>, EnvError> {
     let mut environment = env.build()?;
-    let lengths = environment.pose();
-    let (nq, nv) = (lengths.qpos.len(), lengths.qvel.len());
-    let positions = positions(env, nq);
     let mut after = vec![0.0; environment.spaces().observation_dim];
     let mut motions = Vec::new();
     let within = demonstration.episodes().flat_map(|steps| steps.start..steps.end - 1);
     for step in within.take(most) {
         let (before, next) = (demonstration.observations.column(step), demonstration.observations.column(step + 1));
-        let pose = pose(env, before.as_slice(), nq, nv);
+        let Some((pose, positions)) = environment.pose_of(before.as_slice()) else { break };
         environment.set_pose(&pose, &mut after)?;
         // Numbers that the physics cannot bear are no motion of this environment.
         let replayed = environment.step(demonstration.actions.column(step).as_slice(), &mut after).is_ok();
@@ -105,33 +102,6 @@ fn motions(demonstration: &Demonstration, env: EnvId, most: usize) -> Result<Vec
         motions.push(Motion { step, recorded, unexplained });
     }
     Ok(motions)
-}
-
-/// How many numbers at an observation's beginning are positions.
-fn positions(env: EnvId, nq: usize) -> usize {
-    match env {
-        EnvId::MountainCar => 1,
-        EnvId::InvertedPendulum => 2,
-        EnvId::InvertedDoublePendulum => 5, // a place, and the sines and cosines of two angles
-        EnvId::HalfCheetah | EnvId::Hopper | EnvId::Walker2d => nq - 1,
-        EnvId::Ant => nq - 2,
-    }
-}
-
-/// The pose that `observation` is of, at the origin of the ground.
-fn pose(env: EnvId, observation: &[f64], nq: usize, nv: usize) -> Pose {
-    let positions = positions(env, nq);
-    let velocities = observation[positions..positions + nv].to_vec();
-    let mut qpos = vec![0.0; nq];
-    match env {
-        EnvId::InvertedDoublePendulum => {
-            qpos[0] = observation[0];
-            qpos[1] = observation[1].atan2(observation[3]);
-            qpos[2] = observation[2].atan2(observation[4]);
-        }
-        _ => qpos[nq - positions..].copy_from_slice(&observation[..positions]),
-    }
-    Pose { qpos, qvel: velocities }
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@
 use std::path::Path;
 
 use super::{DemoError, Demonstration};
-use crate::env::{EnvId, EpisodeEnd, Reward, Task};
+use crate::env::{EnvId, EpisodeEnd, Reward, Task, Version};
 
 /// The greatest deviations of a replay from the demonstration. An infinity stands for a replay that is not finite.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -49,15 +49,13 @@ pub struct Replay {
 impl Replay {
     /// Which version of Gymnasium's environment would deviate as this does, and how it differs.
     pub fn version(&self, env: EnvId, tolerance: &Tolerance) -> Option<(u32, &'static str)> {
-        let bonus = match env {
-            EnvId::InvertedPendulum | EnvId::Hopper | EnvId::Walker2d | EnvId::Ant => 1.0,
-            EnvId::InvertedDoublePendulum => 10.0,
-            EnvId::HalfCheetah | EnvId::MountainCar => return None,
+        let is_meant = |version: &&Version| {
+            let lacks = |bonus: f64| self.lacking_at_the_end.is_some_and(|lacking| (lacking - bonus).abs() < 1e-6);
+            version.unpaid_at_the_end.is_some_and(lacks)
+                || version.moves_otherwise && self.deviation.observation > tolerance.observation
         };
-        let unpaid = self.lacking_at_the_end.is_some_and(|lacking| (lacking - bonus).abs() < 1e-6);
-        // A foot's friction shows when it slips, in everything from there on.
-        let slips = env == EnvId::Walker2d && self.deviation.observation > tolerance.observation;
-        if unpaid || slips { Some((5, env.differs_in(5)?)) } else { None }
+        let version = env.versions().iter().find(is_meant)?;
+        Some((version.number, version.difference?))
     }
 }
 
@@ -74,7 +72,7 @@ impl Tolerance {
     /// What a recording of Gymnasium's own environment may deviate by: 1e-9; 1e-5 in MountainCar, which it computes in f32;
     /// and 1e-6 in the rewards where all actions are f32 numbers, since it then computes the cost of an action in f32.
     pub fn of(demonstration: &Demonstration, env: EnvId) -> Self {
-        if env == EnvId::MountainCar {
+        if env.is_f32_in_gymnasium() {
             return Self { observation: 1e-5, reward: 1e-5 };
         }
         let rounded = demonstration.actions.iter().all(|&action| f64::from(action as f32) == action);
@@ -108,7 +106,7 @@ pub fn verify(demonstration: &Demonstration, path: &Path, env: EnvId) -> Result<
         task.set_pose(&poses[start], &mut observation).map_err(failed)?;
         for step in steps {
             let at = |number| At { episode, step: step - start, number };
-            if env == EnvId::MountainCar {
+            if env.is_f32_in_gymnasium() {
                 task.set_pose(&poses[step], &mut observation).map_err(failed)?;
             }
             for (i, (replayed, recorded)) in

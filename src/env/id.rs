@@ -1,38 +1,42 @@
-//! The names of the environments.
+//! Which environment: by its name, or by the whole table of a robot of the user's own.
 
-use std::{fmt, str::FromStr};
+use std::{cmp::Ordering, fmt, str::FromStr};
 
-use serde::{Deserialize, Serialize};
+use serde::{
+    Deserialize, Deserializer, Serialize, Serializer,
+    de::{self, MapAccess, Visitor, value::MapAccessDeserializer},
+};
 
 use super::{
-    EnvError, Environment, Reward, SparseMode,
-    mountain_car::MountainCar,
-    mujoco::{self, MujocoEnvironment},
+    EnvError, Environment, Reward, Spaces,
+    catalog::{self, Descriptor, SHIPPED, Version, descriptor},
+    mujoco::Model,
+    robot::Robot,
 };
-use crate::quantity::constant;
 
-/// One of the seven tasks; written as its Gym v2 id.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(try_from = "String", into = "String")]
-pub enum EnvId {
-    /// `MountainCarContinuous-v0`; the paper says MountainCar-v0.
-    MountainCar,
-    /// `InvertedPendulum-v2`; the paper says Pendulum-v2.
-    InvertedPendulum,
-    /// `InvertedDoublePendulum-v2`; the paper says DoublePendulum-v2.
-    InvertedDoublePendulum,
-    /// `HalfCheetah-v2`.
-    HalfCheetah,
-    /// `Hopper-v2`.
-    Hopper,
-    /// `Walker2d-v2`.
-    Walker2d,
-    /// `Ant-v2`, with contact forces: 111 observations.
-    Ant,
-}
+/// An environment: one that ships, or a robot of the user's own. Written as its name; one's own with its table and its model,
+/// so that whatever holds it can be read elsewhere.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+pub struct EnvId(usize);
 
+#[expect(non_upper_case_globals, reason = "they stand where the variants of an enumeration would, and there are more")]
 impl EnvId {
-    /// All seven, in the paper's order.
+    /// `MountainCarContinuous-v0`; the paper says MountainCar-v0.
+    pub const MountainCar: Self = Self(0);
+    /// `InvertedPendulum-v2`; the paper says Pendulum-v2.
+    pub const InvertedPendulum: Self = Self(1);
+    /// `InvertedDoublePendulum-v2`; the paper says DoublePendulum-v2.
+    pub const InvertedDoublePendulum: Self = Self(2);
+    /// `HalfCheetah-v2`.
+    pub const HalfCheetah: Self = Self(3);
+    /// `Hopper-v2`.
+    pub const Hopper: Self = Self(4);
+    /// `Walker2d-v2`.
+    pub const Walker2d: Self = Self(5);
+    /// `Ant-v2`, with contact forces: 111 observations.
+    pub const Ant: Self = Self(6);
+
+    /// All of the paper's, in its order; [`shipped`](Self::shipped) gives the others too.
     pub const ALL: [Self; 7] = [
         Self::MountainCar,
         Self::InvertedPendulum,
@@ -42,85 +46,142 @@ impl EnvId {
         Self::Walker2d,
         Self::Ant,
     ];
+}
 
-    /// The Gym id.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::MountainCar => "MountainCarContinuous-v0",
-            Self::InvertedPendulum => "InvertedPendulum-v2",
-            Self::InvertedDoublePendulum => "InvertedDoublePendulum-v2",
-            Self::HalfCheetah => "HalfCheetah-v2",
-            Self::Hopper => "Hopper-v2",
-            Self::Walker2d => "Walker2d-v2",
-            Self::Ant => "Ant-v2",
-        }
+impl EnvId {
+    /// All that ship: the paper's first, in its order.
+    pub fn shipped() -> impl Iterator<Item = Self> {
+        (0..SHIPPED.len()).map(Self)
     }
 
-    /// Gym's time limit, steps.
-    pub const fn max_steps(self) -> u64 {
-        match self {
-            Self::MountainCar => 999,
-            _ => 1000,
+    /// The user's `robot`, called `name`, whose model stands at [`Robot::model`]. The model and the files that it needs are
+    /// read; later changes of the model's file do not reach it.
+    ///
+    /// # Errors
+    ///
+    /// The name is taken or cannot name a folder; the model cannot be read or MuJoCo refuses it; the model has not what the
+    /// table names.
+    pub fn of_robot(name: &str, robot: Robot) -> Result<Self, EnvError> {
+        if let Some((_, shipped)) = Self::known().find(|(known, _)| known.eq_ignore_ascii_case(name)) {
+            return Err(EnvError::NameTaken { name: name.to_owned(), by: shipped });
         }
+        let refused = |message| EnvError::Engine { env: name.to_owned(), message };
+        let model = Model::read(&robot.model).map_err(refused)?;
+        let id = Self::own(name, robot, model).map_err(refused)?;
+        id.build()?;
+        Ok(id)
     }
 
-    /// The paper's sparse reward of this environment, with the thresholds that this project chose, since the paper prints
-    /// none: a metre as public environments around POfD have it, ten in HalfCheetah, which covers a metre by chance and
-    /// where methods then rank as in the paper; and heights that hold nearly all of the demonstration and end before the
-    /// pole does.
+    /// # Errors
+    ///
+    /// The name cannot name a folder.
+    fn own(name: &str, robot: Robot, model: Model) -> Result<Self, String> {
+        if !is_file_name(name) {
+            return Err(format!(
+                "`{}` cannot name an environment: letters, digits, `.`, `_` and `-` can",
+                name.escape_debug()
+            ));
+        }
+        Ok(Self(catalog::intern(name, robot, model)))
+    }
+
+    fn descriptor(self) -> &'static Descriptor {
+        descriptor(self.0)
+    }
+
+    /// The Gym id, or the name that the user gave.
+    pub fn name(self) -> &'static str {
+        self.descriptor().name
+    }
+
+    /// The paper's name, which is Gym's but for three.
+    pub fn paper_name(self) -> &'static str {
+        self.descriptor().paper_name.unwrap_or(self.name())
+    }
+
+    /// Whether it is a robot of the user's own.
+    pub fn is_own(self) -> bool {
+        self.descriptor().own().is_some()
+    }
+
+    /// What the user wrote of it, where it is a robot of the user's own.
+    pub fn own_robot(self) -> Option<&'static Robot> {
+        self.descriptor().own().map(|own| &own.robot)
+    }
+
+    /// The time limit, steps: Gym's, or the user's.
+    pub fn max_steps(self) -> u64 {
+        self.descriptor().max_steps
+    }
+
+    /// The reward that is trained on where nothing is said: the paper's sparse one, with the thresholds that this project chose,
+    /// since the paper prints none: a metre as public environments around POfD have it, ten in HalfCheetah, which covers a
+    /// metre by chance and where methods then rank as in the paper; and heights that hold nearly all of the demonstration and
+    /// end before the pole does. A robot of one's own has its dense one.
+    pub fn default_reward(self) -> Reward {
+        (self.descriptor().default_reward)()
+    }
+
+    /// The kind of sparse reward that the environment has, with some threshold; [`Reward::Dense`] where it has none.
     pub fn sparse_reward(self) -> Reward {
-        let sparse2 = |distance| Reward::Sparse2 { distance: constant(distance), mode: SparseMode::Milestone };
-        let sparse3 = |height| Reward::Sparse3 { height: constant(height) };
-        match self {
-            Self::MountainCar => Reward::Sparse1,
-            Self::InvertedPendulum => sparse3(0.59),
-            Self::InvertedDoublePendulum => sparse3(0.89),
-            Self::HalfCheetah => sparse2(10.0),
-            Self::Hopper | Self::Walker2d | Self::Ant => sparse2(1.0),
-        }
+        self.descriptor().sparse_reward().unwrap_or(Reward::Dense)
     }
 
     /// The physics.
     ///
-    /// Errors: the engine refuses the model.
+    /// # Errors
+    ///
+    /// The engine refuses the model.
     pub fn build(self) -> Result<Box<dyn Environment>, EnvError> {
-        let definition = match self {
-            Self::MountainCar => return Ok(Box::new(MountainCar::default())),
-            Self::InvertedPendulum => &mujoco::INVERTED_PENDULUM,
-            Self::InvertedDoublePendulum => &mujoco::INVERTED_DOUBLE_PENDULUM,
-            Self::HalfCheetah => &mujoco::HALF_CHEETAH,
-            Self::Hopper => &mujoco::HOPPER,
-            Self::Walker2d => &mujoco::WALKER2D,
-            Self::Ant => &mujoco::ANT,
-        };
-        Ok(Box::new(MujocoEnvironment::new(definition)?))
+        self.descriptor().build(self.tag())
     }
 
-    /// The paper's name where it is not Gym's.
-    const fn paper_name(self) -> Option<&'static str> {
-        match self {
-            Self::MountainCar => Some("MountainCar-v0"),
-            Self::InvertedPendulum => Some("Pendulum-v2"),
-            Self::InvertedDoublePendulum => Some("DoublePendulum-v2"),
-            _ => None,
-        }
+    /// The shapes and bounds; `None` where the engine refuses the model.
+    pub fn spaces(self) -> Option<Spaces> {
+        let spaces = || self.build().ok().map(|environment| environment.spaces());
+        *self.descriptor().spaces.get_or_init(spaces)
     }
 
-    /// Every name, Gym's and the paper's.
+    /// The revision of its task: another one gives other numbers, the model apart, which [`model_digest`](Self::model_digest)
+    /// tells.
+    pub fn revision(self) -> u32 {
+        self.descriptor().revision
+    }
+
+    /// A digest of its model, hexadecimal; `None` for a task without one.
+    pub fn model_digest(self) -> Option<String> {
+        self.descriptor().robot().map(|(_, model)| model.digest())
+    }
+
+    /// Seconds of one step of physics on one core (frame skip included); a guess for a robot of one's own.
+    pub fn physics_seconds(self) -> f64 {
+        1e-6 * self.descriptor().microseconds
+    }
+
+    /// Whether Gymnasium keeps the state in f32, whose roundings add up over an episode.
+    pub fn is_f32_in_gymnasium(self) -> bool {
+        self.descriptor().is_f32_in_gymnasium
+    }
+
+    /// What Gym and Gymnasium have beside it.
+    pub fn versions(self) -> &'static [Version] {
+        self.descriptor().versions
+    }
+
+    /// Every name of what ships, Gym's and the paper's.
     pub fn known() -> impl Iterator<Item = (&'static str, Self)> {
-        Self::ALL
-            .into_iter()
-            .flat_map(|id| std::iter::once(id.name()).chain(id.paper_name()).map(move |name| (name, id)))
+        Self::shipped()
+            .flat_map(|id| std::iter::once(id.name()).chain(id.descriptor().paper_name).map(move |name| (name, id)))
     }
 
     /// What to say of a `name` that is not known: which one it may be, or what there is.
     pub fn known_instead(name: &str) -> String {
-        if let Some((id, Some(version))) = Self::of_label(name)
-            && name.eq_ignore_ascii_case(&format!("{}-v{version}", id.family()))
-            && id.other_versions().contains(&version)
+        if let Some((id, Some(number))) = Self::of_label(name)
+            && name.eq_ignore_ascii_case(&format!("{}-v{number}", id.family()))
+            && id.versions().iter().any(|version| version.number == number)
         {
-            let difference = id.differs_in(version).map_or_else(
-                || format!("v{version} takes the same steps except for the last bits"),
+            let difference = id.differs_in(number).map_or_else(
+                || format!("v{number} takes the same steps except for the last bits"),
                 |difference| format!("it is not the same: {difference}"),
             );
             return format!("the known one is `{id}`; {difference}");
@@ -131,13 +192,43 @@ impl EnvId {
         let distances = Self::known().map(|(known, _)| (distance(known), known)).min();
         match distances.filter(|(distance, known)| 3 * distance <= letters(name).max(letters(known))) {
             Some((_, nearest)) => format!("the nearest known one is `{nearest}`"),
-            None => format!("the known ones are {}", Self::ALL.map(|id| format!("`{id}`")).join(", ")),
+            None => {
+                let names: Vec<String> = Self::shipped().map(|id| format!("`{id}`")).collect();
+                format!("the known ones are {}", names.join(", "))
+            }
         }
     }
 
-    /// The number that marks a saved state as this environment's.
-    pub(super) const fn tag(self) -> f64 {
-        self as u8 as f64
+    /// The number that marks a saved state as this environment's, in whichever process.
+    fn tag(self) -> f64 {
+        match self.descriptor().own() {
+            None => self.0 as f64,
+            // Beyond those of what ships; f64 holds 53 bits.
+            Some(own) => (1_u64 << 48 | u64::from_str_radix(&own.digest[..12], 16).unwrap_or_default()) as f64,
+        }
+    }
+}
+
+/// Whether `name` can be the name of a file or folder anywhere.
+fn is_file_name(name: &str) -> bool {
+    let safe = |c: char| c.is_ascii_alphanumeric() || "._-".contains(c);
+    (1..=100).contains(&name.len()) && !name.starts_with('.') && name.chars().all(safe)
+}
+
+impl Ord for EnvId {
+    /// What ships first, in its order; the user's own by their names, whenever they were read.
+    fn cmp(&self, other: &Self) -> Ordering {
+        let key = |id: Self| {
+            let own = id.descriptor().own();
+            (own.is_some(), if own.is_some() { 0 } else { id.0 }, own.map(|own| (id.name(), own.digest.as_str())))
+        };
+        key(*self).cmp(&key(*other))
+    }
+}
+
+impl PartialOrd for EnvId {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
     }
 }
 
@@ -147,28 +238,67 @@ impl fmt::Display for EnvId {
     }
 }
 
+impl fmt::Debug for EnvId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
 impl FromStr for EnvId {
     type Err = EnvError;
 
+    /// What ships, by Gym's or the paper's name; or the robot that was last read under this name.
     fn from_str(name: &str) -> Result<Self, EnvError> {
-        let known = Self::known().find(|(known, _)| *known == name);
+        let known = Self::known().find(|(known, _)| *known == name).map(|(_, id)| id);
         known
-            .map(|(_, id)| id)
+            .or_else(|| catalog::own_number(name).map(Self))
             .ok_or_else(|| EnvError::UnknownEnvironment { name: name.to_owned(), known: Self::known_instead(name) })
     }
 }
 
-impl TryFrom<String> for EnvId {
-    type Error = EnvError;
+/// A robot of the user's own as it is written where it is to be read elsewhere.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Written {
+    name: String,
+    robot: Robot,
+    model: Model,
+}
 
-    fn try_from(name: String) -> Result<Self, EnvError> {
-        name.parse()
+impl Serialize for EnvId {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self.descriptor().own() {
+            None => serializer.serialize_str(self.name()),
+            Some(own) => {
+                let (robot, model) = (own.robot.clone(), own.model.clone());
+                Written { name: self.name().to_owned(), robot, model }.serialize(serializer)
+            }
+        }
     }
 }
 
-impl From<EnvId> for String {
-    fn from(id: EnvId) -> String {
-        id.name().to_owned()
+impl<'de> Deserialize<'de> for EnvId {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct NameOrTable;
+
+        impl<'de> Visitor<'de> for NameOrTable {
+            type Value = EnvId;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("the name of an environment, or a robot with its table and its model")
+            }
+
+            fn visit_str<E: de::Error>(self, name: &str) -> Result<EnvId, E> {
+                name.parse().map_err(E::custom)
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<EnvId, A::Error> {
+                let Written { name, robot, model } = Written::deserialize(MapAccessDeserializer::new(map))?;
+                EnvId::own(&name, robot, model).map_err(de::Error::custom)
+            }
+        }
+
+        deserializer.deserialize_any(NameOrTable)
     }
 }
 
@@ -187,8 +317,10 @@ mod tests {
             ("Walker-v2", "`Walker2d-v2`"),
             ("MountainCar-v1", "`MountainCar-v0`"),
             ("InvertedPendulm-v2", "`InvertedPendulum-v2`"),
-            ("Humanoid-v4", "the known ones are `MountainCarContinuous-v0`, `InvertedPendulum-v2`"),
-            ("Swimmer-v2", "the known ones are"),
+            ("Humanoid-v4", "the known one is `Humanoid-v2`; it is not the same: v4 has no cost of contacts"),
+            ("CartPole-v1", "the known ones are `MountainCarContinuous-v0`, `InvertedPendulum-v2`"),
+            ("Pusher-v2", "the known ones are"),
+            ("Swimmer-v4", "the known one is `Swimmer-v2`; v4 takes the same steps"),
             ("", "the known ones are"),
         ] {
             let message = name.parse::<EnvId>().expect_err("unknown").to_string();
@@ -201,9 +333,10 @@ mod tests {
 
     #[test]
     fn gyms_names_and_the_papers_are_known() {
-        for id in EnvId::ALL {
+        for id in EnvId::shipped() {
             assert_eq!(id.name().parse::<EnvId>().ok(), Some(id));
-            assert_eq!(EnvId::try_from(String::from(id)).ok(), Some(id));
+            let text = serde_json::to_string(&id).expect("it can be written");
+            assert_eq!((text.as_str(), serde_json::from_str(&text).ok()), (&*format!("\"{id}\""), Some(id)));
         }
         for (name, id) in [
             ("MountainCar-v0", EnvId::MountainCar),
@@ -216,8 +349,8 @@ mod tests {
 
     #[test]
     fn an_environment_has_its_own_sparse_reward_alone() {
-        for id in EnvId::ALL {
-            for other in EnvId::ALL {
+        for id in EnvId::shipped() {
+            for other in EnvId::shipped() {
                 let reward = other.sparse_reward();
                 let same = std::mem::discriminant(&reward) == std::mem::discriminant(&id.sparse_reward());
                 match Task::new(id, reward, 10) {
@@ -227,5 +360,13 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn the_paper_s_are_where_they_are_said_to_be() {
+        let names = EnvId::ALL.map(EnvId::name);
+        let shipped: Vec<&str> = EnvId::shipped().map(EnvId::name).collect();
+        assert_eq!(names[..], shipped[..7]);
+        assert_eq!((EnvId::Hopper.name(), EnvId::Ant.name()), ("Hopper-v2", "Ant-v2"));
     }
 }

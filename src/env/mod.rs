@@ -1,35 +1,26 @@
-//! The seven tasks: their physics, their dense rewards and the paper's sparse ones.
+//! The tasks: their physics, their dense rewards and the paper's sparse ones.
 //!
 //! Owns what happens between an action and the next observation. Knows nothing of policies or learning. Start at
-//! [`Environment`], one episode's physics, and [`Task`], which adds the reward that is trained on and the time limit.
+//! [`Environment`], one episode's physics, and [`Task`], which adds the reward that is trained on and the time limit; what is
+//! known of an environment by its name stands in its descriptor, and all of these in one list, `catalog.rs`.
 
+mod catalog;
 mod id;
 mod mountain_car;
 mod mujoco;
 mod reward;
+pub mod robot;
+mod robots;
 mod task;
 mod versions;
 
+pub use catalog::Version;
 pub use id::EnvId;
-pub use mujoco::{engine_version, model_digest};
+pub use mujoco::engine_version;
 pub use reward::{Reward, SparseMode};
 pub use task::{Task, Transition};
 
 use crate::rng::Rng;
-
-/// The revision of a task: raise its own when its physics, observations, rewards or ends give other numbers, the model in its
-/// file apart, whose digest is told by [`model_digest`].
-pub const fn revision(env: EnvId) -> u32 {
-    match env {
-        EnvId::MountainCar
-        | EnvId::InvertedPendulum
-        | EnvId::InvertedDoublePendulum
-        | EnvId::HalfCheetah
-        | EnvId::Hopper
-        | EnvId::Walker2d
-        | EnvId::Ant => 1,
-    }
-}
 
 /// What an environment's observations and actions are.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -84,7 +75,7 @@ pub enum EnvError {
     #[error("{env}: {what} has {got} numbers; {expected} are needed")]
     WrongLength {
         /// The environment.
-        env: EnvId,
+        env: String,
         /// What was given.
         what: &'static str,
         /// Its length.
@@ -96,7 +87,7 @@ pub enum EnvError {
     #[error("{env}: {what} {numbers:?} is not finite")]
     NonFinite {
         /// The environment.
-        env: EnvId,
+        env: String,
         /// What was given.
         what: &'static str,
         /// As it was given.
@@ -106,13 +97,13 @@ pub enum EnvError {
     #[error("{env}: the saved state is of another environment")]
     ForeignState {
         /// The environment.
-        env: EnvId,
+        env: String,
     },
     /// The physics left the range in which it means anything.
     #[error("{env}: the simulation diverged under the action {action:?}")]
     Diverged {
         /// The environment.
-        env: EnvId,
+        env: String,
         /// The last action.
         action: Vec<f64>,
     },
@@ -126,11 +117,31 @@ pub enum EnvError {
         /// The sparse reward that it has.
         has: &'static str,
     },
+    /// A robot's name is that of an environment that ships.
+    #[error("the name `{name}` is taken: {by} ships with the program")]
+    NameTaken {
+        /// As it was given.
+        name: String,
+        /// What has it.
+        by: EnvId,
+    },
+    /// The model of a robot has not what its table names, or the table is wrong in itself.
+    #[error("{env}: {}: {message}", at(key, *index))]
+    Robot {
+        /// The robot's name.
+        env: String,
+        /// The table's key.
+        key: &'static str,
+        /// Which element of its list.
+        index: Option<usize>,
+        /// What is wrong.
+        message: String,
+    },
     /// The physics engine refused its model or state.
     #[error("{env}: MuJoCo: {message}")]
     Engine {
         /// The environment.
-        env: EnvId,
+        env: String,
         /// What the engine said.
         message: String,
     },
@@ -162,6 +173,12 @@ pub trait Environment: Send {
     /// The pose now.
     fn pose(&self) -> Pose;
 
+    /// The pose that `observation` is of, as if it were at the origin of the ground, and how many numbers at the observation's
+    /// beginning tell of positions; `None` where an observation does not hold all of a pose.
+    fn pose_of(&self, _observation: &[f64]) -> Option<(Pose, usize)> {
+        None
+    }
+
     /// Puts the environment into `pose` as the start of an episode, and writes its observation.
     ///
     /// Errors: the pose has a wrong length or is not finite.
@@ -176,28 +193,37 @@ pub trait Environment: Send {
     fn restore(&mut self, state: &[f64]) -> Result<(), EnvError>;
 }
 
-/// Errors: `got` numbers are not the `expected` ones.
-fn check_length(env: EnvId, what: &'static str, got: usize, expected: usize) -> Result<(), EnvError> {
-    if got == expected { Ok(()) } else { Err(EnvError::WrongLength { env, what, got, expected }) }
+/// A key of a robot's table, with the element of its list: `alive[1]`.
+fn at(key: &str, index: Option<usize>) -> String {
+    index.map_or_else(|| format!("`{key}`"), |index| format!("`{key}[{index}]`"))
 }
 
-/// Errors: NaN or an infinity is among `numbers`.
-fn check_finite(env: EnvId, what: &'static str, numbers: &[f64]) -> Result<(), EnvError> {
+/// # Errors
+///
+/// `got` numbers are not the `expected` ones.
+fn check_length(env: &str, what: &'static str, got: usize, expected: usize) -> Result<(), EnvError> {
+    if got == expected { Ok(()) } else { Err(EnvError::WrongLength { env: env.to_owned(), what, got, expected }) }
+}
+
+/// # Errors
+///
+/// NaN or an infinity is among `numbers`.
+fn check_finite(env: &str, what: &'static str, numbers: &[f64]) -> Result<(), EnvError> {
     if numbers.iter().all(|x| x.is_finite()) {
         Ok(())
     } else {
-        Err(EnvError::NonFinite { env, what, numbers: numbers.to_vec() })
+        Err(EnvError::NonFinite { env: env.to_owned(), what, numbers: numbers.to_vec() })
     }
 }
 
-/// The saved `state` without the tag in front, when it has `env`'s tag and `len` numbers after it. Two environments'
+/// The saved `state` of `env` without the tag in front, when it has `tag` and `len` numbers after it. Two environments'
 /// states can have the same length, HalfCheetah's and Walker2d's do, hence the tag.
-fn untag(env: EnvId, state: &[f64], len: usize) -> Result<&[f64], EnvError> {
+fn untag<'a>(env: &str, tag: f64, state: &'a [f64], len: usize) -> Result<&'a [f64], EnvError> {
     match state {
-        [tag, rest @ ..] if *tag == env.tag() => {
+        [first, rest @ ..] if *first == tag => {
             check_length(env, "the saved state", rest.len(), len)?;
             Ok(rest)
         }
-        _ => Err(EnvError::ForeignState { env }),
+        _ => Err(EnvError::ForeignState { env: env.to_owned() }),
     }
 }

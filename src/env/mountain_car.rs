@@ -2,12 +2,30 @@
 //!
 //! Gym 0.15's, in f64; Gymnasium computes the same in f32.
 
+use std::sync::OnceLock;
+
 use rand::RngExt;
 
-use super::{EnvError, EnvId, Environment, Outcome, Pose, Spaces, check_finite, check_length, untag};
+use super::{
+    EnvError, Environment, Outcome, Pose, Reward, Spaces,
+    catalog::{Body, Descriptor},
+    check_finite, check_length, untag,
+};
 use crate::rng::Rng;
 
-const ENV: EnvId = EnvId::MountainCar;
+pub(super) static DESCRIPTOR: Descriptor = Descriptor {
+    name: "MountainCarContinuous-v0",
+    paper_name: Some("MountainCar-v0"),
+    max_steps: 999,
+    default_reward: || Reward::Sparse1,
+    revision: 1,
+    microseconds: 0.03,
+    is_f32_in_gymnasium: true,
+    versions: &[],
+    body: Body::MountainCar,
+    spaces: OnceLock::new(),
+};
+
 const POSITIONS: [f64; 2] = [-1.2, 0.6];
 const MAX_SPEED: f64 = 0.07;
 const GOAL: f64 = 0.45;
@@ -18,11 +36,20 @@ const MAX_FORCE: f64 = 1.0;
 /// The car.
 #[derive(Debug, Default)]
 pub(super) struct MountainCar {
+    /// Its name, for messages.
+    name: &'static str,
+    /// What marks its saved states.
+    tag: f64,
     position: f64,
     velocity: f64,
 }
 
 impl MountainCar {
+    /// A car in the valley, called `name`, whose saved states `tag` marks.
+    pub(super) fn new(name: &'static str, tag: f64) -> Self {
+        Self { name, tag, position: 0.0, velocity: 0.0 }
+    }
+
     fn at_goal(&self) -> bool {
         self.position >= GOAL && self.velocity >= 0.0
     }
@@ -38,7 +65,7 @@ impl Environment for MountainCar {
     }
 
     fn reset(&mut self, rng: &mut Rng, observation: &mut [f64]) {
-        *self = Self { position: rng.random_range(-0.6..-0.4), velocity: 0.0 };
+        (self.position, self.velocity) = (rng.random_range(-0.6..-0.4), 0.0);
         self.observe(observation);
     }
 
@@ -50,8 +77,8 @@ impl Environment for MountainCar {
     }
 
     fn advance(&mut self, action: &[f64]) -> Result<(), EnvError> {
-        check_length(ENV, "the action", action.len(), 1)?;
-        check_finite(ENV, "the action", action)?;
+        check_length(self.name, "the action", action.len(), 1)?;
+        check_finite(self.name, "the action", action)?;
         let force = action[0].clamp(-MAX_FORCE, MAX_FORCE);
         let [left, right] = POSITIONS;
         self.velocity += force * POWER - GRAVITY * (3.0 * self.position).cos();
@@ -71,23 +98,28 @@ impl Environment for MountainCar {
         Pose { qpos: vec![self.position], qvel: vec![self.velocity] }
     }
 
+    fn pose_of(&self, observation: &[f64]) -> Option<(Pose, usize)> {
+        let [position, velocity] = *observation else { return None };
+        Some((Pose { qpos: vec![position], qvel: vec![velocity] }, 1))
+    }
+
     fn set_pose(&mut self, pose: &Pose, observation: &mut [f64]) -> Result<(), EnvError> {
-        check_length(ENV, "qpos", pose.qpos.len(), 1)?;
-        check_length(ENV, "qvel", pose.qvel.len(), 1)?;
-        check_finite(ENV, "qpos", &pose.qpos)?;
-        check_finite(ENV, "qvel", &pose.qvel)?;
-        *self = Self { position: pose.qpos[0], velocity: pose.qvel[0] };
+        check_length(self.name, "qpos", pose.qpos.len(), 1)?;
+        check_length(self.name, "qvel", pose.qvel.len(), 1)?;
+        check_finite(self.name, "qpos", &pose.qpos)?;
+        check_finite(self.name, "qvel", &pose.qvel)?;
+        (self.position, self.velocity) = (pose.qpos[0], pose.qvel[0]);
         self.observe(observation);
         Ok(())
     }
 
     fn save(&self) -> Vec<f64> {
-        vec![ENV.tag(), self.position, self.velocity]
+        vec![self.tag, self.position, self.velocity]
     }
 
     fn restore(&mut self, state: &[f64]) -> Result<(), EnvError> {
-        let state = untag(ENV, state, 2)?;
-        *self = Self { position: state[0], velocity: state[1] };
+        let state = untag(self.name, self.tag, state, 2)?;
+        (self.position, self.velocity) = (state[0], state[1]);
         Ok(())
     }
 }
@@ -98,7 +130,7 @@ mod tests {
 
     /// Position and velocity after one step from `position` and `velocity`, and what it gave.
     fn step(position: f64, velocity: f64, action: f64) -> (f64, f64, Outcome) {
-        let mut car = MountainCar { position, velocity };
+        let mut car = MountainCar { position, velocity, ..MountainCar::new("car", 0.0) };
         let outcome = car.step(&[action], &mut [0.0; 2]).expect("a step");
         (car.position, car.velocity, outcome)
     }

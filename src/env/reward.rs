@@ -48,7 +48,8 @@ impl Reward {
         if self == Self::Dense || mem::discriminant(&self) == mem::discriminant(&has) {
             Ok(())
         } else {
-            Err(EnvError::NoSuchReward { env, reward: self.name(), has: has.name() })
+            let has = if has == Self::Dense { "no other; its table names no landmark" } else { has.name() };
+            Err(EnvError::NoSuchReward { env, reward: self.name(), has })
         }
     }
 

@@ -5,7 +5,8 @@ use crate::rng::Rng;
 
 /// An environment with its reward and time limit.
 pub struct Task {
-    env: EnvId,
+    /// The environment's name, for messages.
+    name: String,
     environment: Box<dyn Environment>,
     reward: Reward,
     max_steps: u64,
@@ -32,7 +33,13 @@ impl Task {
     /// Errors: the environment does not have the reward, or the engine refuses the model.
     pub fn new(env: EnvId, reward: Reward, max_steps: u64) -> Result<Self, EnvError> {
         reward.check(env)?;
-        Ok(Self { env, environment: env.build()?, reward, max_steps, elapsed: 0, milestones: 0.0 })
+        Ok(Self::from_environment(env.name(), env.build()?, reward, max_steps))
+    }
+
+    /// The task of `environment`, which messages call `name`, with `reward`, cut after `max_steps`: for environments that this
+    /// crate does not know. What a sparse reward pays for is the environment's own [`landmark`](Environment::landmark).
+    pub fn from_environment(name: &str, environment: Box<dyn Environment>, reward: Reward, max_steps: u64) -> Self {
+        Self { name: name.to_owned(), environment, reward, max_steps, elapsed: 0, milestones: 0.0 }
     }
 
     /// The shapes and bounds.
@@ -111,7 +118,7 @@ impl Task {
     /// Errors: the state is of another environment.
     pub fn restore(&mut self, state: &[f64]) -> Result<(), EnvError> {
         let [elapsed, milestones, environment @ ..] = state else {
-            return check_length(self.env, "the saved state", state.len(), 2);
+            return check_length(&self.name, "the saved state", state.len(), 2);
         };
         self.environment.restore(environment)?;
         (self.elapsed, self.milestones) = (*elapsed as u64, *milestones);
@@ -174,7 +181,7 @@ mod tests {
 
     fn task(reward: Reward, max_steps: u64, landmarks: &[f64]) -> Task {
         let environment = Box::new(Scripted { landmarks: landmarks.to_vec(), step: 0 });
-        Task { env: EnvId::Hopper, environment, reward, max_steps, elapsed: 0, milestones: 0.0 }
+        Task::from_environment("scripted", environment, reward, max_steps)
     }
 
     fn episode(task: &mut Task) -> (Vec<f64>, EpisodeEnd) {

@@ -141,8 +141,7 @@ pub fn selection_label(selection: &Selection) -> String {
 
 /// The paper's name of the environment with Gym id `gym`: `Pendulum-v2` for `InvertedPendulum-v2`; other text as it is.
 pub fn paper_name(gym: &str) -> &str {
-    let Ok(env) = gym.parse::<EnvId>() else { return gym };
-    EnvId::known().filter(|(_, known)| *known == env).last().map_or(gym, |(name, _)| name)
+    gym.parse::<EnvId>().map_or(gym, |env| env.paper_name())
 }
 
 /// The same without its version, as the paper's text has it.

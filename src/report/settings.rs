@@ -3,10 +3,7 @@
 //! Owns which values are one and which differ by algorithm or environment. Knows nothing of returns. Start at
 //! [`SettingsData::new`].
 
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    sync::LazyLock,
-};
+use std::collections::BTreeSet;
 
 use super::{axis, recorded::Run};
 use crate::{env::EnvId, spec::SettingsTable};
@@ -109,23 +106,11 @@ fn said(key: &str, runs: &[&Run]) -> String {
 fn value(key: &str, run: &Run) -> Option<toml::Value> {
     let count = |count: usize| toml::Value::Integer(count as i64);
     match key {
-        "observations" => Some(count(spaces(run.spec.env)?.0)),
-        "actions" => Some(count(spaces(run.spec.env)?.1)),
+        "observations" => Some(count(run.spec.env.spaces()?.observation_dim)),
+        "actions" => Some(count(run.spec.env.spaces()?.action_dim)),
         "trajectories" => Some(count(run.recording()?.demonstrated.as_ref()?.episodes)),
         _ => run.value(key),
     }
-}
-
-/// Numbers in an observation and in an action; `None` where the engine refuses the model.
-fn spaces(env: EnvId) -> Option<(usize, usize)> {
-    static KNOWN: LazyLock<BTreeMap<EnvId, (usize, usize)>> = LazyLock::new(|| {
-        let of = |env: EnvId| {
-            let spaces = env.build().ok()?.spaces();
-            Some((env, (spaces.observation_dim, spaces.action_dim)))
-        };
-        EnvId::ALL.into_iter().filter_map(of).collect()
-    });
-    KNOWN.get(&env).copied()
 }
 
 #[cfg(test)]

@@ -27,28 +27,15 @@ impl CostModel {
             Some(&(seconds, recorded)) if recorded > 0 => steps * seconds / recorded as f64,
             _ if !spec.algorithm.trains() => {
                 let longest = spec.evaluation.final_episodes.get().saturating_mul(spec.max_steps);
-                longest as f64 * physics_seconds(spec.env)
+                longest as f64 * spec.env.physics_seconds()
             }
-            _ => steps * (physics_seconds(spec.env) + network_seconds(spec)),
+            _ => steps * (spec.env.physics_seconds() + network_seconds(spec)),
         }
     }
 }
 
 fn key(spec: &RunSpec) -> (EnvId, String) {
     (spec.env, spec.algorithm_name().to_owned())
-}
-
-/// Seconds of one environment step on one core (frame skip included), as `mcpo-run bench` measures them in 2026.
-fn physics_seconds(env: EnvId) -> f64 {
-    1e-6 * match env {
-        EnvId::MountainCar => 0.03,
-        EnvId::InvertedPendulum => 9.0,
-        EnvId::InvertedDoublePendulum => 29.0,
-        EnvId::HalfCheetah => 25.0,
-        EnvId::Hopper => 58.0,
-        EnvId::Walker2d => 82.0,
-        EnvId::Ant => 167.0,
-    }
 }
 
 /// Seconds that the networks take for one environment step.

@@ -119,10 +119,10 @@ pub fn plan(specs: Vec<RunSpec>, results: &Path) -> Result<Vec<Planned>, Problem
 
 /// The versions of what `spec` uses.
 fn versions(spec: &RunSpec) -> Versions {
-    let model = env::model_digest(spec.env);
+    let model = spec.env.model_digest();
     Versions {
         revisions: spec.algorithm.revisions(),
-        env: env::revision(spec.env),
+        env: spec.env.revision(),
         mujoco: model.is_some().then(|| env::engine_version().to_owned()),
         model,
     }

@@ -15,9 +15,9 @@ use crate::{
 #[serde(deny_unknown_fields)]
 pub struct Settings {
     /// The reward that is trained on: `"dense"`, `"sparse1"`, `{ sparse2 = { distance = 15.0 } }` or
-    /// `{ sparse3 = { height = 0.59 } }`; the paper's sparse one for the environment when absent.
+    /// `{ sparse3 = { height = 0.59 } }`; the paper's sparse one for the environment when absent, and a robot's of one's own dense.
     pub reward: Reward,
-    /// The time limit of an episode in steps; Gym's when absent.
+    /// The time limit of an episode in steps; Gym's when absent, 1000 for a robot of one's own.
     pub max_steps: Count,
     /// The demonstration's file, relative to the file that names it; `{env}` stands for the environment's name.
     pub demonstrations: PathBuf,
@@ -102,7 +102,7 @@ impl Settings {
         let max_steps = count(env.max_steps());
         let of_env = || constant(if env == EnvId::MountainCar { 2048 } else { 4096 });
         Self {
-            reward: env.sparse_reward(),
+            reward: env.default_reward(),
             max_steps,
             demonstrations: PathBuf::from(Self::DEMONSTRATIONS),
             budget: Budget { env_steps },

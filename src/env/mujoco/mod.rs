@@ -1,141 +1,180 @@
-//! The six MuJoCo tasks.
+//! Robots in MuJoCo.
 //!
-//! Owns the engine ([`Simulation`], the only place that names `mujoco_rs`) and each task's [`Definition`], one file a
-//! task. Knows nothing of time limits or sparse rewards. Start at [`hopper`].
+//! Owns the engine ([`simulation`], the only place that names `mujoco_rs`), the model's text with the files that it needs, and
+//! the task that a [`Robot`] makes of it. Knows nothing of time limits or of what the sparse rewards pay. Start at
+//! [`RobotEnvironment`].
 //!
 //! The paper's were Gym's of 2019 on MuJoCo 2.0 or 1.5. Today's engine refuses two of those models; Gymnasium's are used, and
 //! Gym's noise, rewards and ends. Trajectories differ from the authors'; uniform actions earn what Table 4 says.
 
-mod ant;
-mod half_cheetah;
-mod hopper;
-mod inverted_double_pendulum;
-mod inverted_pendulum;
+mod model;
+mod observed;
+mod pieces;
+mod reading;
 mod simulation;
-mod walker2d;
 
-pub(super) use ant::ANT;
-pub(super) use half_cheetah::HALF_CHEETAH;
-pub(super) use hopper::HOPPER;
-pub(super) use inverted_double_pendulum::INVERTED_DOUBLE_PENDULUM;
-pub(super) use inverted_pendulum::INVERTED_PENDULUM;
+pub(super) use model::Model;
 pub use simulation::engine_version;
-pub(super) use walker2d::WALKER2D;
 
 use rand::RngExt;
 use rand_distr::StandardNormal;
 
-use self::simulation::Simulation;
-use super::{EnvError, EnvId, Environment, Outcome, Pose, Spaces, check_finite, check_length, untag};
+use self::{
+    observed::Observed,
+    pieces::{Controls, Paid, Pieces},
+    simulation::Simulation,
+};
+use super::{
+    EnvError, Environment, Outcome, Pose, Spaces, check_finite, check_length,
+    robot::{InitialNoise, Landmark, Noise, Robot},
+    untag,
+};
 use crate::rng::Rng;
 
-/// What Gym adds to a model to make a task of it.
-pub(super) struct Definition {
-    env: EnvId,
-    /// The model, as MJCF.
-    model: &'static str,
-    /// Steps of physics a step of the task.
-    frame_skip: usize,
-    observation_dim: usize,
-    /// Initial positions are uniform within this distance of the model's.
-    position_noise: f64,
-    velocity_noise: Noise,
-    /// Computes, after stepping, what else the task reads.
-    complete: fn(&mut Simulation),
-    observe: fn(&Simulation, &mut [f64]),
-    /// Where the body is along the track, metres.
-    position: fn(&Simulation) -> f64,
-    landmark: Landmark,
-    /// From the simulation after the step, the velocity along the track (m/s) and the unclamped action.
-    reward: fn(&Simulation, f64, &[f64]) -> f64,
-    terminated: fn(&Simulation) -> bool,
-}
-
-/// How initial velocities are drawn around 0.
-enum Noise {
-    /// Uniformly within this distance.
-    Uniform(f64),
-    /// Normally with this standard deviation.
-    Normal(f64),
-}
-
-/// What the sparse reward watches.
-enum Landmark {
-    /// The distance covered since the episode's start.
-    Distance,
-    /// A height, metres.
-    Height(fn(&Simulation) -> f64),
-}
-
 /// A task on a simulated body.
-pub(super) struct MujocoEnvironment {
-    definition: &'static Definition,
+pub(super) struct RobotEnvironment {
+    /// Its name, for messages.
+    name: &'static str,
+    /// What marks its saved states.
+    tag: f64,
+    pieces: Pieces,
+    noise: InitialNoise,
     simulation: Simulation,
-    /// Position along the track at the episode's start.
+    /// Position along the way at the episode's start.
     start: f64,
-    /// Position along the track after the last step. Kept, since MuJoCo's own may be of a state that is not saved.
+    /// Position along the way after the last step. Kept, since MuJoCo's own may be of a state that is not saved.
     position: f64,
+    /// Distance of the goal's body from its target after the last step, kept likewise; 0 where there is no goal.
+    distance: f64,
+    /// The controls that scaled actions make.
+    controls: Vec<f64>,
 }
 
-impl MujocoEnvironment {
-    /// The task at its model's start.
+impl RobotEnvironment {
+    /// The task of `robot` at the start of its `model`; `tag` marks its saved states.
     ///
-    /// Errors: MuJoCo refuses the model.
-    pub(super) fn new(definition: &'static Definition) -> Result<Self, EnvError> {
-        let simulation = Simulation::new(definition.env, definition.model)?;
-        let mut environment = Self { definition, simulation, start: 0.0, position: 0.0 };
-        environment.start(|_| ());
+    /// # Errors
+    ///
+    /// MuJoCo refuses the model, or the model has not what the robot's table names.
+    pub(super) fn new(name: &'static str, tag: f64, robot: &Robot, model: &Model) -> Result<Self, EnvError> {
+        let simulation = Simulation::new(name, model)?;
+        let pieces = Pieces::new(name, robot, &simulation)?;
+        let controls = vec![0.0; simulation.control_range().len()];
+        let (start, position, distance) = (0.0, 0.0, 0.0);
+        let noise = robot.initial_noise.clone();
+        let mut environment = Self { name, tag, pieces, noise, simulation, start, position, distance, controls };
+        environment.begin(|_| ());
         Ok(environment)
     }
 
-    fn start(&mut self, disturb: impl FnOnce(&mut Simulation)) {
+    fn begin(&mut self, disturb: impl FnOnce(&mut Simulation)) {
         self.simulation.start(disturb);
-        self.start = (self.definition.position)(&self.simulation);
+        self.start = self.pieces.forward.read(&self.simulation);
         self.position = self.start;
+        self.distance = self.goal_distance();
+    }
+
+    /// How far the goal's body is from its target, metres; 0 where there is no goal.
+    fn goal_distance(&self) -> f64 {
+        self.pieces.goal.map_or(0.0, |goal| goal.distance(&self.simulation))
+    }
+
+    /// The dense reward of a step at `velocity` along the way (m/s), begun `before` metres from the goal.
+    fn reward(&self, velocity: f64, before: f64, action: &[f64]) -> f64 {
+        let paid = |term| pieces::paid(term, &self.simulation, velocity, [before, self.distance], action);
+        let sum = self.pieces.terms.iter().map(paid).fold(None, |sum, paid| {
+            Some(match (sum, paid) {
+                (None, Paid::More(x)) => x,
+                (None, Paid::Less(x)) => -x,
+                (Some(sum), Paid::More(x)) => sum + x,
+                (Some(sum), Paid::Less(x)) => sum - x,
+            })
+        });
+        sum.unwrap_or(0.0)
+    }
+
+    fn is_alive(&self) -> bool {
+        self.pieces.alive.iter().all(|(reading, bounds)| bounds.holds(reading.read(&self.simulation)))
+    }
+
+    /// The parts of the state that MuJoCo does not hold.
+    fn kept(&self) -> Vec<f64> {
+        let distance = self.pieces.goal.map(|_| self.distance);
+        [self.start, self.position].into_iter().chain(distance).collect()
     }
 }
 
-impl Environment for MujocoEnvironment {
+impl Environment for RobotEnvironment {
     fn spaces(&self) -> Spaces {
-        let range = self.simulation.control_range();
-        Spaces { observation_dim: self.definition.observation_dim, action_dim: range.len(), action_bound: range[0][1] }
+        let action_bound = match self.pieces.controls {
+            Controls::Raw { bound } => bound,
+            Controls::Scaled => 1.0,
+        };
+        Spaces {
+            observation_dim: self.pieces.observation.iter().map(Observed::len).sum(),
+            action_dim: self.controls.len(),
+            action_bound,
+        }
     }
 
     fn reset(&mut self, rng: &mut Rng, observation: &mut [f64]) {
-        let Definition { position_noise, velocity_noise, observe, .. } = self.definition;
-        self.start(|simulation| {
-            for q in simulation.qpos_mut() {
-                *q += rng.random_range(-position_noise..*position_noise);
-            }
-            for v in simulation.qvel_mut() {
-                *v += match velocity_noise {
-                    Noise::Uniform(bound) => rng.random_range(-bound..*bound),
-                    Noise::Normal(deviation) => deviation * rng.sample::<f64, _>(StandardNormal),
+        let InitialNoise { positions, velocities, disc } = self.noise.clone();
+        self.begin(|simulation| {
+            disturb(simulation.qpos_mut(), positions, rng);
+            disturb(simulation.qvel_mut(), velocities, rng);
+            if let Some(disc) = disc {
+                let radius = disc.radius.get();
+                let point = loop {
+                    let point = [(); 2].map(|()| rng.random_range(-radius..radius));
+                    if point[0].hypot(point[1]) < radius {
+                        break point;
+                    }
                 };
+                simulation.qpos_mut()[disc.first..][..2].copy_from_slice(&point);
+                simulation.qvel_mut()[disc.first..][..2].fill(0.0);
             }
         });
-        observe(&self.simulation, observation);
+        self.pieces.observe(&self.simulation, observation);
     }
 
     fn step(&mut self, action: &[f64], observation: &mut [f64]) -> Result<Outcome, EnvError> {
         self.advance(action)?;
-        let Definition { frame_skip, observe, position, reward, terminated, .. } = self.definition;
-        let before = std::mem::replace(&mut self.position, position(&self.simulation));
-        let velocity = (self.position - before) / (self.simulation.time_step() * *frame_skip as f64);
-        observe(&self.simulation, observation);
-        Ok(Outcome { reward: reward(&self.simulation, velocity, action), terminated: terminated(&self.simulation) })
+        let seconds = self.simulation.time_step() * self.pieces.frame_skip as f64;
+        let before = std::mem::replace(&mut self.position, self.pieces.forward.read(&self.simulation));
+        let velocity = (self.position - before) / seconds;
+        let distance = self.goal_distance();
+        let before = std::mem::replace(&mut self.distance, distance);
+        self.pieces.observe(&self.simulation, observation);
+        Ok(Outcome { reward: self.reward(velocity, before, action), terminated: !self.is_alive() })
     }
 
     fn advance(&mut self, action: &[f64]) -> Result<(), EnvError> {
-        self.simulation.advance(action, self.definition.frame_skip)?;
-        (self.definition.complete)(&mut self.simulation);
+        let frame_skip = self.pieces.frame_skip;
+        match self.pieces.controls {
+            Controls::Raw { .. } => self.simulation.advance(action, frame_skip)?,
+            Controls::Scaled => {
+                check_length(self.name, "the action", action.len(), self.controls.len())?;
+                check_finite(self.name, "the action", action)?;
+                let ranges = self.simulation.control_range();
+                for ((control, action), [low, high]) in self.controls.iter_mut().zip(action).zip(ranges) {
+                    *control = low + (high - low) * (action.clamp(-1.0, 1.0) + 1.0) / 2.0;
+                }
+                self.simulation.advance(&self.controls, frame_skip)?;
+            }
+        }
+        if self.pieces.reads_contacts {
+            // Today's MuJoCo computes contact forces on request alone; without this they are 0, as Gym with mujoco-py 2 had
+            // them.
+            self.simulation.update_contact_forces();
+        }
         Ok(())
     }
 
     fn landmark(&self) -> f64 {
-        match self.definition.landmark {
-            Landmark::Distance => self.position - self.start,
-            Landmark::Height(height) => height(&self.simulation),
+        match &self.pieces.landmark {
+            Some((Landmark::Goal(within), _)) => f64::from(u8::from(self.distance < within.get())),
+            Some((Landmark::Height(_), Some(height))) => height.read(&self.simulation),
+            _ => self.position - self.start,
         }
     }
 
@@ -143,55 +182,49 @@ impl Environment for MujocoEnvironment {
         self.simulation.pose()
     }
 
+    fn pose_of(&self, observation: &[f64]) -> Option<(Pose, usize)> {
+        let (nq, nv) = (self.simulation.qpos().len(), self.simulation.qvel().len());
+        observed::pose_of(&self.pieces.observation, observation, nq, nv)
+    }
+
     fn set_pose(&mut self, pose: &Pose, observation: &mut [f64]) -> Result<(), EnvError> {
-        let env = self.definition.env;
-        check_length(env, "qpos", pose.qpos.len(), self.simulation.qpos().len())?;
-        check_length(env, "qvel", pose.qvel.len(), self.simulation.qvel().len())?;
-        check_finite(env, "qpos", &pose.qpos)?;
-        check_finite(env, "qvel", &pose.qvel)?;
-        self.start(|simulation| {
+        check_length(self.name, "qpos", pose.qpos.len(), self.simulation.qpos().len())?;
+        check_length(self.name, "qvel", pose.qvel.len(), self.simulation.qvel().len())?;
+        check_finite(self.name, "qpos", &pose.qpos)?;
+        check_finite(self.name, "qvel", &pose.qvel)?;
+        self.begin(|simulation| {
             simulation.qpos_mut().copy_from_slice(&pose.qpos);
             simulation.qvel_mut().copy_from_slice(&pose.qvel);
         });
-        (self.definition.observe)(&self.simulation, observation);
+        self.pieces.observe(&self.simulation, observation);
         Ok(())
     }
 
     fn save(&self) -> Vec<f64> {
-        let mut state = vec![self.definition.env.tag(), self.start, self.position];
+        let mut state = vec![self.tag];
+        state.extend(self.kept());
         state.extend_from_slice(&self.simulation.state());
         state
     }
 
     fn restore(&mut self, state: &[f64]) -> Result<(), EnvError> {
-        let state = untag(self.definition.env, state, 2 + self.simulation.state_len())?;
-        self.simulation.set_state(&state[2..])?;
-        (self.start, self.position) = (state[0], state[1]);
+        let kept = self.kept().len();
+        let state = untag(self.name, self.tag, state, kept + self.simulation.state_len())?;
+        let (kept, simulated) = state.split_at(kept);
+        self.simulation.set_state(simulated)?;
+        (self.start, self.position) = (kept[0], kept[1]);
+        self.distance = kept.get(2).copied().unwrap_or(0.0);
         Ok(())
     }
 }
 
-/// A digest of the model of `env`, hexadecimal; `None` for a task without one.
-pub fn model_digest(env: EnvId) -> Option<String> {
-    let definitions = [&INVERTED_PENDULUM, &INVERTED_DOUBLE_PENDULUM, &HALF_CHEETAH, &HOPPER, &WALKER2D, &ANT];
-    let definition = definitions.into_iter().find(|definition| definition.env == env)?;
-    Some(blake3::hash(definition.model.as_bytes()).to_hex()[..16].to_owned())
-}
-
-/// The position of tasks whose first coordinate is the one along the track.
-fn first_coordinate(simulation: &Simulation) -> f64 {
-    simulation.qpos()[0]
-}
-
-/// The sum of squares that control costs are made of.
-fn squared_norm(action: &[f64]) -> f64 {
-    action.iter().map(|a| a * a).sum()
-}
-
-/// Writes an observation, number after number.
-fn write(observation: &mut [f64], numbers: impl Iterator<Item = f64>) {
-    let mut slots = observation.iter_mut();
+/// Adds `noise` to each of `numbers`.
+fn disturb(numbers: &mut [f64], noise: Option<Noise>, rng: &mut Rng) {
+    let Some(noise) = noise else { return };
     for number in numbers {
-        *slots.next().expect("an observation's buffer has its length") = number;
+        *number += match noise {
+            Noise::Uniform(bound) => rng.random_range(-bound.get()..bound.get()),
+            Noise::Normal(deviation) => deviation.get() * rng.sample::<f64, _>(StandardNormal),
+        };
     }
 }

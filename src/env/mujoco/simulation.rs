@@ -1,10 +1,11 @@
 //! One MuJoCo simulation: the model, its state, and the calls that Gym makes.
 
-use std::sync::Once;
+use std::{fmt, path::Path, sync::Once};
 
-use mujoco_rs::prelude::*;
+use mujoco_rs::{prelude::*, wrappers::mj_auxiliary::MjVfs};
 
-use crate::env::{EnvError, EnvId, Pose, check_finite, check_length};
+use super::model::Model;
+use crate::env::{EnvError, Pose, check_finite, check_length};
 
 /// What the next step depends on, the solver's warm start included.
 const STATE: u32 = MjtState::mjSTATE_INTEGRATION as u32;
@@ -15,23 +16,30 @@ const MAX_MAGNITUDE: f64 = 1e10;
 
 /// A model and its state.
 pub(super) struct Simulation {
-    env: EnvId,
+    /// The environment's name, for messages.
+    env: &'static str,
     data: MjData<Box<MjModel>>,
 }
 
 impl Simulation {
-    /// The simulation of `model` (MJCF).
+    /// The simulation of `model`, for the environment called `env`.
     ///
-    /// Errors: the library is of another version, or refuses the model.
-    pub(super) fn new(env: EnvId, model: &str) -> Result<Self, EnvError> {
+    /// # Errors
+    ///
+    /// The library is of another version, or refuses the model; a file that the model needs is not as it was.
+    pub(super) fn new(env: &'static str, model: &Model) -> Result<Self, EnvError> {
         send_messages_to_the_log();
-        let refused = |message: String| EnvError::Engine { env, message };
+        let refused = |message: String| EnvError::Engine { env: env.to_owned(), message };
         let version = mujoco_rs::mujoco_version();
         if version != ENGINE_VERSION {
             return Err(refused(format!("the library's version is {version}; {ENGINE_VERSION} is needed")));
         }
-        let model = MjModel::from_xml_string(model).map_err(|error| refused(error.to_string()))?;
-        let data = MjData::try_new(Box::new(model)).map_err(|error| refused(error.to_string()))?;
+        model.check_files().map_err(refused)?;
+        let loaded = match &model.path {
+            None => MjModel::from_xml_string(&model.text).map_err(said),
+            Some(path) => from_text_at(&model.text, path),
+        };
+        let data = MjData::try_new(Box::new(loaded.map_err(refused)?)).map_err(|error| refused(said(error)))?;
         Ok(Self { env, data })
     }
 
@@ -55,9 +63,55 @@ impl Simulation {
         self.data.qvel()
     }
 
+    /// Whether each control is held to its range.
+    pub(super) fn control_limited(&self) -> impl Iterator<Item = bool> {
+        self.data.model().actuator_ctrllimited().iter().map(|limited| *limited)
+    }
+
+    /// Number of the body, counted from the world's 0, or of the site that the model calls `name`.
+    pub(super) fn find(&self, kind: Named, name: &str) -> Option<usize> {
+        let kind = match kind {
+            Named::Body => MjtObjBase::mjOBJ_BODY,
+            Named::Site => MjtObjBase::mjOBJ_SITE,
+        };
+        self.data.model().name_to_id(kind, name)
+    }
+
+    /// What the model calls its bodies or sites.
+    pub(super) fn names(&self, kind: Named) -> Vec<&str> {
+        let model = self.data.model();
+        let (kind, count) = match kind {
+            Named::Body => (MjtObjBase::mjOBJ_BODY, self.data.xpos().len()),
+            Named::Site => (MjtObjBase::mjOBJ_SITE, self.data.site_xpos().len()),
+        };
+        (0..count).filter_map(|id| model.id_to_name(kind, id)).collect()
+    }
+
     /// Forces of the constraints on the joints.
     pub(super) fn constraint_forces(&self) -> &[f64] {
         self.data.qfrc_constraint()
+    }
+
+    /// Forces of the actuators on the joints.
+    pub(super) fn actuator_forces(&self) -> &[f64] {
+        self.data.qfrc_actuator()
+    }
+
+    /// Inertia and mass of each body about the centre of mass.
+    pub(super) fn inertias(&self) -> &[f64] {
+        self.data.cinert().as_flattened()
+    }
+
+    /// Velocity of each body, turning and moving.
+    pub(super) fn body_velocities(&self) -> &[f64] {
+        self.data.cvel().as_flattened()
+    }
+
+    /// A coordinate of the whole model's centre of mass at the last evaluation of the dynamics.
+    pub(super) fn center_of_mass(&self, axis: usize) -> f64 {
+        let masses = self.data.model().body_mass();
+        let moment: f64 = masses.iter().zip(self.data.xipos()).map(|(mass, position)| mass * position[axis]).sum();
+        moment / masses.iter().sum::<f64>()
     }
 
     /// Torque and force of the contacts on each body; [`update_contact_forces`](Self::update_contact_forces) computes them.
@@ -111,7 +165,7 @@ impl Simulation {
         // MuJoCo looks at a state when it leaves it, so the last one is still to be looked at.
         let outside = |x: &f64| x.is_nan() || x.abs() > MAX_MAGNITUDE;
         if warned || self.qpos().iter().chain(self.qvel()).any(outside) {
-            return Err(EnvError::Diverged { env: self.env, action: action.to_vec() });
+            return Err(EnvError::Diverged { env: self.env.to_owned(), action: action.to_vec() });
         }
         Ok(())
     }
@@ -142,8 +196,29 @@ impl Simulation {
         self.data.reset();
         self.data
             .set_state(state, STATE)
-            .map_err(|error| EnvError::Engine { env: self.env, message: error.to_string() })
+            .map_err(|error| EnvError::Engine { env: self.env.to_owned(), message: said(error) })
     }
+}
+
+/// What a model names.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Named {
+    /// A body.
+    Body,
+    /// A site.
+    Site,
+}
+
+/// The model `text` as if it stood at `path`, beside which MuJoCo finds the files that it names.
+fn from_text_at(text: &str, path: &Path) -> Result<MjModel, String> {
+    let mut files = MjVfs::new();
+    files.add_from_buffer(path, text.as_bytes()).map_err(said)?;
+    MjModel::from_xml_vfs(path, &files).map_err(said)
+}
+
+/// What the engine said.
+fn said(error: impl fmt::Display) -> String {
+    error.to_string()
 }
 
 /// Sends what MuJoCo says to `tracing`: by itself it prints, and writes MUJOCO_LOG.TXT into the working directory.

@@ -1,0 +1,218 @@
+//! What an environment is: one descriptor for each, and the one list of them.
+//!
+//! Owns what the rest of the program asks of an environment by its name: limits, rewards, versions, cost. A descriptor stands
+//! beside its environment; adding one means adding its file and a line to [`SHIPPED`]. A robot of the user's own gets its
+//! descriptor when its table is read, and keeps it as long as the process lives. Start at [`Descriptor`].
+
+use std::sync::{LazyLock, OnceLock, PoisonError, RwLock};
+
+use super::{
+    EnvError, Environment, Reward, Spaces, SparseMode,
+    mountain_car::{self, MountainCar},
+    mujoco::{Model, RobotEnvironment},
+    robot::{Landmark, Robot},
+    robots,
+};
+use crate::quantity::constant;
+
+/// The environments that ship: the paper's seven in its order, then others. A saved state holds the number of its own.
+pub(super) static SHIPPED: [&Descriptor; 10] = [
+    &mountain_car::DESCRIPTOR,
+    &robots::inverted_pendulum::DESCRIPTOR,
+    &robots::inverted_double_pendulum::DESCRIPTOR,
+    &robots::half_cheetah::DESCRIPTOR,
+    &robots::hopper::DESCRIPTOR,
+    &robots::walker2d::DESCRIPTOR,
+    &robots::ant::DESCRIPTOR,
+    &robots::swimmer::DESCRIPTOR,
+    &robots::reacher::DESCRIPTOR,
+    &robots::humanoid::DESCRIPTOR,
+];
+
+/// The microseconds of a robot's step for each of its model's own steps, until there is a recorded run: Hopper's.
+const MICROSECONDS: f64 = 15.0;
+
+/// Everything that is known of an environment.
+pub(super) struct Descriptor {
+    /// The Gym id, or the user's name.
+    pub(super) name: &'static str,
+    /// The paper's name, where it is not Gym's.
+    pub(super) paper_name: Option<&'static str>,
+    /// The time limit, steps.
+    pub(super) max_steps: u64,
+    /// The reward that is trained on where nothing is said: the paper's sparse one.
+    pub(super) default_reward: fn() -> Reward,
+    /// To be raised when physics, observations, rewards or ends give other numbers; the model in its file apart, whose digest
+    /// tells.
+    pub(super) revision: u32,
+    /// Microseconds of one step on one core, as `mcpo-run bench` measures them in 2026.
+    pub(super) microseconds: f64,
+    /// Whether Gymnasium keeps the state in f32, whose roundings add up over an episode.
+    pub(super) is_f32_in_gymnasium: bool,
+    /// What Gym and Gymnasium have beside it.
+    pub(super) versions: &'static [Version],
+    /// What it is made of.
+    pub(super) body: Body,
+    /// Its spaces, once they were asked for.
+    pub(super) spaces: OnceLock<Option<Spaces>>,
+}
+
+/// Another version of an environment that Gym or Gymnasium has.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Version {
+    /// The number behind the `v`.
+    pub number: u32,
+    /// What it has that this project's has not, in a sentence; absent where the numbers of a step are the same but for the
+    /// engine's last bits.
+    pub difference: Option<&'static str>,
+    /// How many numbers it observes, where that differs.
+    pub observation_dim: Option<usize>,
+    /// What it does not pay for the step that ends an episode.
+    pub unpaid_at_the_end: Option<f64>,
+    /// Whether its model moves otherwise.
+    pub moves_otherwise: bool,
+}
+
+impl Version {
+    /// The same numbers.
+    pub(super) const fn same(number: u32) -> Self {
+        Self { number, difference: None, observation_dim: None, unpaid_at_the_end: None, moves_otherwise: false }
+    }
+
+    /// Other numbers, as `difference` says.
+    pub(super) const fn other(number: u32, difference: &'static str) -> Self {
+        Self { difference: Some(difference), ..Self::same(number) }
+    }
+
+    /// It observes so many numbers.
+    pub(super) const fn observing(self, numbers: usize) -> Self {
+        Self { observation_dim: Some(numbers), ..self }
+    }
+
+    /// It does not pay so much for the step that ends an episode.
+    pub(super) const fn not_paying(self, bonus: f64) -> Self {
+        Self { unpaid_at_the_end: Some(bonus), ..self }
+    }
+
+    /// Its model moves otherwise.
+    pub(super) const fn moving_otherwise(self) -> Self {
+        Self { moves_otherwise: true, ..self }
+    }
+}
+
+/// What an environment is made of.
+pub(super) enum Body {
+    /// A car on a curve.
+    MountainCar,
+    /// A robot that ships.
+    Robot(LazyLock<(Robot, Model)>),
+    /// A robot of the user's.
+    Own(Box<Own>),
+}
+
+/// A robot of the user's.
+pub(super) struct Own {
+    pub(super) robot: Robot,
+    pub(super) model: Model,
+    /// Of the robot's table and its model.
+    pub(super) digest: String,
+}
+
+impl Descriptor {
+    /// The physics; `tag` marks its saved states.
+    ///
+    /// # Errors
+    ///
+    /// The engine refuses the model.
+    pub(super) fn build(&self, tag: f64) -> Result<Box<dyn Environment>, EnvError> {
+        let Some((robot, model)) = self.robot() else { return Ok(Box::new(MountainCar::new(self.name, tag))) };
+        Ok(Box::new(RobotEnvironment::new(self.name, tag, robot, model)?))
+    }
+
+    /// The robot and its model, where it is one.
+    pub(super) fn robot(&self) -> Option<(&Robot, &Model)> {
+        match &self.body {
+            Body::MountainCar => None,
+            Body::Robot(both) => Some((&both.0, &both.1)),
+            Body::Own(own) => Some((&own.robot, &own.model)),
+        }
+    }
+
+    /// The robot of the user's that it is.
+    pub(super) fn own(&self) -> Option<&Own> {
+        match &self.body {
+            Body::Own(own) => Some(own),
+            Body::MountainCar | Body::Robot(_) => None,
+        }
+    }
+
+    /// A sparse reward of the kind that the environment has: of those that ship, with the thresholds that the project chose.
+    pub(super) fn sparse_reward(&self) -> Option<Reward> {
+        let Some(own) = self.own() else { return Some((self.default_reward)()) };
+        Some(match own.robot.landmark.as_ref()? {
+            Landmark::Distance => metres(1.0),
+            Landmark::Height(_) => height(1.0),
+            Landmark::Goal(_) => Reward::Sparse1,
+        })
+    }
+}
+
+/// SPARSE2 for each of so many metres.
+pub(super) fn metres(distance: f64) -> Reward {
+    Reward::Sparse2 { distance: constant(distance), mode: SparseMode::Milestone }
+}
+
+/// SPARSE3 above so many metres.
+pub(super) fn height(height: f64) -> Reward {
+    Reward::Sparse3 { height: constant(height) }
+}
+
+/// A robot that ships: its table and the model that this names.
+///
+/// Panics when the table is none, which a test would tell.
+pub(super) fn shipped(table: &str, model: &'static str) -> (Robot, Model) {
+    let robot = toml::from_str(table).unwrap_or_else(|error| panic!("a robot that ships: {error}"));
+    (robot, Model::shipped(model))
+}
+
+/// The user's robots, in the order in which they were first read.
+static OWN: RwLock<Vec<&'static Descriptor>> = RwLock::new(Vec::new());
+
+/// The descriptor with this number: of those that ship, then of the user's.
+pub(super) fn descriptor(number: usize) -> &'static Descriptor {
+    SHIPPED
+        .get(number)
+        .copied()
+        .unwrap_or_else(|| OWN.read().unwrap_or_else(PoisonError::into_inner)[number - SHIPPED.len()])
+}
+
+/// The number of the robot that the user calls `name`, the one that was read last where several have the name.
+pub(super) fn own_number(name: &str) -> Option<usize> {
+    let own = OWN.read().unwrap_or_else(PoisonError::into_inner);
+    Some(SHIPPED.len() + own.iter().rposition(|descriptor| descriptor.name == name)?)
+}
+
+/// The number of the user's `robot` called `name` on `model`: the same for the same robot, as long as the process lives.
+pub(super) fn intern(name: &str, robot: Robot, model: Model) -> usize {
+    let table = toml::to_string(&robot).unwrap_or_else(|error| panic!("a robot is a table: {error}"));
+    let digest = blake3::hash(format!("{name}\n{table}\n{}", model.digest()).as_bytes()).to_hex()[..16].to_owned();
+    let mut own = OWN.write().unwrap_or_else(PoisonError::into_inner);
+    let is_known = |known: &&Descriptor| known.own().is_some_and(|own| own.digest == digest);
+    let number = own.iter().position(is_known).unwrap_or_else(|| {
+        let descriptor = Descriptor {
+            name: Box::leak(name.to_owned().into_boxed_str()),
+            paper_name: None,
+            max_steps: robot.max_steps.get(),
+            default_reward: || Reward::Dense,
+            revision: 1,
+            microseconds: MICROSECONDS * robot.frame_skip.get() as f64,
+            is_f32_in_gymnasium: false,
+            versions: &[],
+            body: Body::Own(Box::new(Own { robot, model, digest })),
+            spaces: OnceLock::new(),
+        };
+        own.push(Box::leak(Box::new(descriptor)));
+        own.len() - 1
+    });
+    SHIPPED.len() + number
+}

@@ -1,0 +1,210 @@
+//! A robot's table against its model: every name looked up, every number counted.
+
+use super::{
+    observed::Observed,
+    reading::{Bodies, Reading, within},
+    simulation::Simulation,
+};
+use crate::env::{
+    EnvError,
+    robot::{Actions, Condition, Landmark, Measure, Robot, Term},
+};
+
+/// What a step needs of a [`Robot`].
+pub(super) struct Pieces {
+    pub(super) frame_skip: usize,
+    pub(super) controls: Controls,
+    pub(super) forward: Reading,
+    pub(super) goal: Option<Bodies>,
+    pub(super) observation: Vec<Observed>,
+    pub(super) terms: Vec<(Term, Option<Reading>)>,
+    pub(super) alive: Vec<(Reading, Condition)>,
+    /// With what is read for it.
+    pub(super) landmark: Option<(Landmark, Option<Reading>)>,
+    /// Whether the forces of contacts are observed or cost anything.
+    pub(super) reads_contacts: bool,
+}
+
+/// How actions become controls.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Controls {
+    /// As they are; MuJoCo clamps each to this on either side of 0.
+    Raw { bound: f64 },
+    /// From [-1, 1] to each control's own range.
+    Scaled,
+}
+
+/// What a term of the reward gives.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Paid {
+    /// This much more.
+    More(f64),
+    /// This much less. A sum with a negative number would have the same bits; a first term would not be told from 0.
+    Less(f64),
+}
+
+impl Pieces {
+    /// What `robot`, called `name`, is in `simulation`.
+    ///
+    /// # Errors
+    ///
+    /// The model has not what the table names: which key, and why.
+    pub(super) fn new(name: &str, robot: &Robot, simulation: &Simulation) -> Result<Self, EnvError> {
+        let at = |key: &'static str, index: Option<usize>| {
+            move |message: String| EnvError::Robot { env: name.to_owned(), key, index, message }
+        };
+        let read = |measure: &Measure| Reading::new(measure, simulation);
+        let goal = robot.goal.as_ref().map(|goal| Bodies::new(goal, simulation)).transpose();
+        let goal = goal.map_err(at("goal", None))?;
+        let needs_goal = |wanted: bool| {
+            if wanted && goal.is_none() { Err("it needs a `goal`".to_owned()) } else { Ok(()) }
+        };
+
+        let mut observation = Vec::new();
+        for (index, part) in robot.observation.iter().enumerate() {
+            let part = Observed::new(part, goal, simulation);
+            observation.push(part.map_err(at("observation", Some(index)))?);
+        }
+        if observation.is_empty() {
+            return Err(at("observation", None)("nothing is observed".to_owned()));
+        }
+        let mut terms = Vec::new();
+        for (index, term) in robot.dense_reward.iter().enumerate() {
+            let wrong = at("dense_reward", Some(index));
+            let reading = match term {
+                Term::Deviation(deviation) => Some(read(&deviation.of).map_err(wrong)?),
+                _ => None,
+            };
+            needs_goal(matches!(term, Term::GoalDistance(_))).map_err(wrong)?;
+            finite(term).map_err(wrong)?;
+            terms.push((term.clone(), reading));
+        }
+        let mut alive = Vec::new();
+        for (index, condition) in robot.alive.iter().enumerate() {
+            let wrong = at("alive", Some(index));
+            bounded(condition).map_err(wrong)?;
+            alive.push((read(&condition.of).map_err(wrong)?, condition.clone()));
+        }
+        let landmark = match &robot.landmark {
+            Some(Landmark::Height(measure)) => Some(read(measure).map_err(at("landmark", None))?),
+            landmark => {
+                needs_goal(matches!(landmark, Some(Landmark::Goal(_)))).map_err(at("landmark", None))?;
+                None
+            }
+        };
+        if let Some(disc) = robot.initial_noise.disc {
+            let last = disc.first.saturating_add(1);
+            let both = within(last, simulation.qpos().len(), "positions")
+                .and_then(|_| within(last, simulation.qvel().len(), "velocities"));
+            both.map_err(at("initial_noise", None))?;
+        }
+        let reads_contacts = observation.iter().any(Observed::reads_contacts)
+            || robot.dense_reward.iter().any(|term| matches!(term, Term::ContactCost(_)));
+        Ok(Self {
+            frame_skip: robot.frame_skip.size(),
+            controls: controls(robot.actions, simulation).map_err(at("actions", None))?,
+            forward: read(&robot.forward).map_err(at("forward", None))?,
+            goal,
+            observation,
+            terms,
+            alive,
+            landmark: robot.landmark.clone().map(|kind| (kind, landmark)),
+            reads_contacts,
+        })
+    }
+
+    /// Writes the observation, part after part.
+    pub(super) fn observe(&self, simulation: &Simulation, observation: &mut [f64]) {
+        let mut rest = observation;
+        for part in &self.observation {
+            let (slots, after) = rest.split_at_mut(part.len());
+            part.write(simulation, slots);
+            rest = after;
+        }
+    }
+}
+
+/// What `term`, with what is read for it, gives for a step at `velocity` along the way (m/s), from `distances[0]` metres before
+/// the goal to `distances[1]`, under `action`.
+pub(super) fn paid(
+    (term, reading): &(Term, Option<Reading>),
+    simulation: &Simulation,
+    velocity: f64,
+    distances: [f64; 2],
+    action: &[f64],
+) -> Paid {
+    match term {
+        Term::ForwardVelocity(weight) => Paid::More(weight * velocity),
+        Term::Alive(bonus) => Paid::More(*bonus),
+        Term::ControlCost(weight) => Paid::Less(weight.get() * action.iter().map(|a| a * a).sum::<f64>()),
+        Term::ContactCost(cost) => {
+            let clipped = |f: &f64| cost.clip.map_or(*f, |clip| f.clamp(-clip.get(), clip.get()));
+            let sum: f64 = simulation.contact_forces().iter().map(clipped).map(|f| f * f).sum();
+            let paid = cost.weight.get() * sum;
+            Paid::Less(cost.most.map_or(paid, |most| paid.min(most.get())))
+        }
+        Term::GoalDistance(cost) => Paid::Less(cost.weight.get() * distances[usize::from(!cost.before)]),
+        Term::Deviation(cost) => {
+            let off = reading.as_ref().map_or(0.0, |reading| reading.read(simulation)) - cost.from;
+            Paid::Less(cost.weight.get() * (off * off))
+        }
+    }
+}
+
+/// # Errors
+///
+/// A number of `term` is not finite.
+fn finite(term: &Term) -> Result<(), String> {
+    let number = match term {
+        Term::ForwardVelocity(x) | Term::Alive(x) => *x,
+        Term::Deviation(deviation) => deviation.from,
+        Term::ControlCost(_) | Term::ContactCost(_) | Term::GoalDistance(_) => return Ok(()),
+    };
+    if number.is_finite() { Ok(()) } else { Err(format!("{number} is not a finite number")) }
+}
+
+/// # Errors
+///
+/// `condition` bounds nothing, or holds for no number.
+fn bounded(condition: &Condition) -> Result<(), String> {
+    let Condition { above, below, at_least, at_most, .. } = condition;
+    let given: Vec<f64> = [above, below, at_least, at_most].into_iter().copied().flatten().collect();
+    if given.is_empty() {
+        return Err("it has no bound; write `above`, `below`, `at_least` or `at_most`".to_owned());
+    }
+    if let Some(bound) = given.iter().find(|bound| !bound.is_finite()) {
+        return Err(format!("{bound} is not a finite number"));
+    }
+    let low = above.iter().chain(at_least).copied().fold(f64::NEG_INFINITY, f64::max);
+    let high = below.iter().chain(at_most).copied().fold(f64::INFINITY, f64::min);
+    if low < high || (low == high && above.is_none() && below.is_none()) {
+        Ok(())
+    } else {
+        Err(format!("no number is beyond {low} and short of {high}"))
+    }
+}
+
+/// How actions become controls.
+///
+/// # Errors
+///
+/// There is nothing to control, a control has no range, or raw actions have no common bound.
+fn controls(actions: Actions, simulation: &Simulation) -> Result<Controls, String> {
+    let ranges = simulation.control_range();
+    let first = ranges.first().ok_or("the model has no actuators")?;
+    if let Some(index) = simulation.control_limited().position(|limited| !limited) {
+        return Err(format!("actuator {index}, counted from 0, has no `ctrlrange` in the model"));
+    }
+    let bound = first[1];
+    match (actions, ranges.iter().position(|range| *range != [-bound, bound])) {
+        (Actions::Scaled, _) => Ok(Controls::Scaled),
+        (Actions::Raw, None) => Ok(Controls::Raw { bound }),
+        (Actions::Raw, Some(index)) => {
+            let [low, high] = ranges[index];
+            Err(format!(
+                "actuator {index}, counted from 0, has the range [{low}, {high}], and raw actions need one range for all, the \
+                 same on either side of 0; write `actions = \"scaled\"`"
+            ))
+        }
+    }
+}

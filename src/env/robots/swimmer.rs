@@ -1,0 +1,20 @@
+//! Swimmer-v2: three links in a viscous fluid; it never ends.
+
+use std::sync::{LazyLock, OnceLock};
+
+use crate::env::catalog::{Body, Descriptor, Version, metres, shipped};
+
+pub(in crate::env) static DESCRIPTOR: Descriptor = Descriptor {
+    name: "Swimmer-v2",
+    paper_name: None,
+    max_steps: 1000,
+    default_reward: || metres(1.0),
+    revision: 1,
+    microseconds: 20.0,
+    is_f32_in_gymnasium: false,
+    versions: &[Version::same(3), Version::same(4), Version::same(5)],
+    body: Body::Robot(LazyLock::new(|| shipped(include_str!("swimmer.toml"), MODEL))),
+    spaces: OnceLock::new(),
+};
+
+const MODEL: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/third_party/models/swimmer.xml"));
