@@ -34,7 +34,8 @@ impl LinearOperator for Diagonal {
     }
 }
 
-fn main() {
+/// Shows every case.
+pub fn main() {
     println!("{:>6} {:>12} {:>7} {:>7} {:>17} {:>8} {:>8}", "c", "case", "lambda", "nu", "x", "g.x", "searched");
     for slack in [1.5, 0.3, -0.5, -1.2] {
         show(slack);
