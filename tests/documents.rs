@@ -10,6 +10,8 @@ use assert_cmd::prelude::CommandCargoExt;
 use mcpo_run::{nn::Pass, record::policy};
 use nalgebra::DMatrix;
 
+#[path = "../examples/environment.rs"]
+mod environment;
 #[path = "../examples/solver.rs"]
 mod solver;
 
@@ -90,6 +92,11 @@ fn the_first_page_is_short() {
 #[test]
 fn the_solver_agrees_with_a_search() {
     solver::main();
+}
+
+#[test]
+fn an_environment_of_ones_own_is_played() {
+    environment::main().expect("the cart comes to rest");
 }
 
 /// Trains for one iteration, and gives the policy's file.
