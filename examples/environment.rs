@@ -3,7 +3,7 @@
 //!     cargo run --release --example environment
 //!
 //! It plays one episode under a controller written by hand, with the sparse reward of a [`Task`]: 1 for each whole quarter of a
-//! metre. A robot that MuJoCo simulates needs no Rust: see `experiments/environments.md`.
+//! metre. A robot that MuJoCo simulates needs no Rust: it is a table in the matrix file.
 
 #![expect(clippy::print_stdout, reason = "an example shows what it finds")]
 
