@@ -1,6 +1,6 @@
 //! Which environment: by its name, or by the whole table of a robot of the user's own.
 
-use std::{cmp::Ordering, fmt, str::FromStr};
+use std::{cmp::Ordering, fmt, path::PathBuf, str::FromStr};
 
 use serde::{
     Deserialize, Deserializer, Serialize, Serializer,
@@ -67,6 +67,9 @@ impl EnvId {
         }
         let refused = |message| EnvError::Engine { env: name.to_owned(), message };
         let model = Model::read(&robot.model).map_err(refused)?;
+        // Wherever it stands, it is the same robot.
+        let file = robot.model.file_name().map_or_else(PathBuf::new, PathBuf::from);
+        let robot = Robot { model: file, ..robot };
         let id = Self::own(name, robot, model).map_err(refused)?;
         id.build()?;
         Ok(id)

@@ -17,7 +17,10 @@ use super::{
     Algorithm, Claim, Figure, Settings, SettingsTable, Slurm, Table,
     names::{date_in_words, plain},
 };
-use crate::{env::EnvId, quantity::constant};
+use crate::{
+    env::{EnvId, robot::Robot},
+    quantity::constant,
+};
 
 /// A table of the file whose keys are the fields of one type.
 pub(super) struct Section {
@@ -132,6 +135,8 @@ pub(super) struct Catalog {
     pub(super) settings_table: Section,
     /// Of the whole file, for the sake of its one key, `slurm`.
     pub(super) slurm: Section,
+    /// What describes a robot of one's own.
+    pub(super) robot: Section,
     algorithms: Vec<(&'static str, Section)>,
 }
 
@@ -144,6 +149,7 @@ impl Catalog {
             table: Section::of(&Table::specimen()),
             claim: Section::of(&Claim::specimen()),
             settings_table: Section::of(&SettingsTable::specimen()),
+            robot: Section::of(&Robot::specimen()),
             slurm: Section::of(&Submitted { slurm: Slurm::specimen() }),
             algorithms: Algorithm::names()
                 .filter_map(|name| Some((name, Section::algorithm(&Algorithm::defaults(name, EnvId::HalfCheetah)?))))
