@@ -9,6 +9,7 @@ use std::{collections::BTreeMap, path::Path, sync::Arc};
 use super::{
     catalog::Catalog,
     error::{Place, SpecError},
+    names::nearest,
     source::{Source, Step, plain_value},
 };
 use crate::env::{EnvError, EnvId, robot::Robot};
@@ -70,9 +71,9 @@ impl Robots {
     }
 
     fn unknown(&self, name: &str) -> EnvError {
-        let own: Vec<String> = self.known.keys().map(|name| format!("`{name}`")).collect();
-        let own = if own.is_empty() { String::new() } else { format!("; this file's own: {}", own.join(", ")) };
-        EnvError::UnknownEnvironment { name: name.to_owned(), known: EnvId::known_instead(name) + &own }
+        let own = nearest(name, self.known.keys().map(String::as_str));
+        let known = own.map_or_else(|| EnvId::known_instead(name), |own| format!("the nearest known one is `{own}`"));
+        EnvError::UnknownEnvironment { name: name.to_owned(), known }
     }
 }
 
@@ -138,6 +139,7 @@ impl Described<'_> {
                 self.error(&way, format!("`{key}`: {message}"), None)
             }
             EnvError::Engine { message, .. } => {
+                let message = message.trim_end().to_owned();
                 let in_model = in_model(&message, model);
                 let message = format!("MuJoCo refuses the model of `{}`: {message}", self.name);
                 match in_model {
