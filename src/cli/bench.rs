@@ -17,8 +17,8 @@ use crate::{
 /// What to measure, and how long.
 #[derive(Debug, clap::Args)]
 pub struct BenchArguments {
-    /// The environment, such as HalfCheetah-v2
-    #[arg(long)]
+    /// The environment, such as HalfCheetah-v2, or robot.toml:NAME for a robot of one's own
+    #[arg(long, value_parser = super::environment::environment)]
     env: EnvId,
     /// The algorithm
     #[arg(long, value_parser = PossibleValuesParser::new(Algorithm::names()))]

@@ -13,6 +13,7 @@ mod compare;
 mod completions;
 mod demo;
 mod duration;
+mod environment;
 mod eval;
 mod man;
 mod plan;

@@ -91,7 +91,7 @@ impl Demonstration {
     pub fn check(&self, path: &Path, env: EnvId) -> Result<(), DemoError> {
         let failed = |source| DemoError::Environment { path: path.to_owned(), source };
         let misfit = |reason| DemoError::Misfit { path: path.to_owned(), env, reason };
-        if let Some(label) = self.label()
+        if let Some(label) = self.label().filter(|label| *label != env.name())
             && EnvId::of_label(label).is_some_and(|(other, _)| other != env)
         {
             return Err(misfit(format!("the file says that it is from {}", label.escape_debug())));

@@ -4,7 +4,10 @@
 //! beside its environment; adding one means adding its file and a line to [`SHIPPED`]. A robot of the user's own gets its
 //! descriptor when its table is read, and keeps it as long as the process lives. Start at [`Descriptor`].
 
-use std::sync::{LazyLock, OnceLock, PoisonError, RwLock};
+use std::{
+    collections::BTreeMap,
+    sync::{LazyLock, OnceLock, PoisonError, RwLock},
+};
 
 use super::{
     EnvError, Environment, Reward, Spaces, SparseMode,
@@ -175,21 +178,26 @@ pub(super) fn shipped(table: &str, model: &'static str) -> (Robot, Model) {
     (robot, Model::shipped(model))
 }
 
-/// The user's robots, in the order in which they were first read.
-static OWN: RwLock<Vec<&'static Descriptor>> = RwLock::new(Vec::new());
+/// The user's robots.
+struct Owned {
+    /// In the order in which they were first read.
+    robots: Vec<&'static Descriptor>,
+    /// By name, the one that was read last.
+    last: BTreeMap<&'static str, usize>,
+}
+
+static OWN: RwLock<Owned> = RwLock::new(Owned { robots: Vec::new(), last: BTreeMap::new() });
 
 /// The descriptor with this number: of those that ship, then of the user's.
 pub(super) fn descriptor(number: usize) -> &'static Descriptor {
-    SHIPPED
-        .get(number)
-        .copied()
-        .unwrap_or_else(|| OWN.read().unwrap_or_else(PoisonError::into_inner)[number - SHIPPED.len()])
+    let own = |number| OWN.read().unwrap_or_else(PoisonError::into_inner).robots[number];
+    SHIPPED.get(number).copied().unwrap_or_else(|| own(number - SHIPPED.len()))
 }
 
 /// The number of the robot that the user calls `name`, the one that was read last where several have the name.
 pub(super) fn own_number(name: &str) -> Option<usize> {
     let own = OWN.read().unwrap_or_else(PoisonError::into_inner);
-    Some(SHIPPED.len() + own.iter().rposition(|descriptor| descriptor.name == name)?)
+    Some(SHIPPED.len() + own.last.get(name)?)
 }
 
 /// The number of the user's `robot` called `name` on `model`: the same for the same robot, as long as the process lives.
@@ -198,7 +206,7 @@ pub(super) fn intern(name: &str, robot: Robot, model: Model) -> usize {
     let digest = blake3::hash(format!("{name}\n{table}\n{}", model.digest()).as_bytes()).to_hex()[..16].to_owned();
     let mut own = OWN.write().unwrap_or_else(PoisonError::into_inner);
     let is_known = |known: &&Descriptor| known.own().is_some_and(|own| own.digest == digest);
-    let number = own.iter().position(is_known).unwrap_or_else(|| {
+    let number = own.robots.iter().position(is_known).unwrap_or_else(|| {
         let descriptor = Descriptor {
             name: Box::leak(name.to_owned().into_boxed_str()),
             paper_name: None,
@@ -211,8 +219,10 @@ pub(super) fn intern(name: &str, robot: Robot, model: Model) -> usize {
             body: Body::Own(Box::new(Own { robot, model, digest })),
             spaces: OnceLock::new(),
         };
-        own.push(Box::leak(Box::new(descriptor)));
-        own.len() - 1
+        own.robots.push(Box::leak(Box::new(descriptor)));
+        own.robots.len() - 1
     });
+    let name = own.robots[number].name;
+    own.last.insert(name, number);
     SHIPPED.len() + number
 }

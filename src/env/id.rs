@@ -1,6 +1,6 @@
 //! Which environment: by its name, or by the whole table of a robot of the user's own.
 
-use std::{cmp::Ordering, fmt, str::FromStr};
+use std::{cmp::Ordering, fmt, path::PathBuf, str::FromStr};
 
 use serde::{
     Deserialize, Deserializer, Serialize, Serializer,
@@ -65,9 +65,12 @@ impl EnvId {
         if let Some((_, shipped)) = Self::known().find(|(known, _)| known.eq_ignore_ascii_case(name)) {
             return Err(EnvError::NameTaken { name: name.to_owned(), by: shipped });
         }
-        let refused = |message| EnvError::Engine { env: name.to_owned(), message };
-        let model = Model::read(&robot.model).map_err(refused)?;
-        let id = Self::own(name, robot, model).map_err(refused)?;
+        let wrong = |key| move |message| EnvError::Robot { env: name.to_owned(), key, index: None, message };
+        let model = Model::read(&robot.model).map_err(wrong("model"))?;
+        // Wherever it stands, it is the same robot.
+        let file = robot.model.file_name().map_or_else(PathBuf::new, PathBuf::from);
+        let robot = Robot { model: file, ..robot };
+        let id = Self::own(name, robot, model).map_err(wrong("model"))?;
         id.build()?;
         Ok(id)
     }

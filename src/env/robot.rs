@@ -293,6 +293,25 @@ pub enum Landmark {
     Goal(Positive),
 }
 
+impl Robot {
+    /// A table with nothing but what is required.
+    pub(crate) fn specimen() -> Self {
+        Self {
+            model: PathBuf::from("robot.xml"),
+            frame_skip: constant(1),
+            max_steps: default_max_steps(),
+            actions: Actions::default(),
+            forward: first_position(),
+            goal: None,
+            observation: vec![Part::Positions(Range::default())],
+            dense_reward: Vec::new(),
+            alive: Vec::new(),
+            initial_noise: InitialNoise::default(),
+            landmark: None,
+        }
+    }
+}
+
 fn default_max_steps() -> Count {
     constant(1000)
 }

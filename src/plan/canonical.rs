@@ -39,8 +39,16 @@ pub(super) fn all(run: &RunSpec) -> BTreeMap<String, String> {
     let mut lines = BTreeMap::from([("algorithm".to_owned(), format!("{:?}", run.algorithm_name()))]);
     let Ok(Value::Object(fields)) = serde_json::to_value(run) else { unreachable!("a run is a table") };
     for (name, value) in fields.into_iter().filter(|(name, _)| !NAMES.contains(&name.as_str())) {
-        // Hyperparameters are named as in a matrix: `mcpo.d`.
-        flatten(if name == "algorithm" { String::new() } else { name }, &value, &mut lines);
+        match name.as_str() {
+            // Hyperparameters are named as in a matrix: `mcpo.d`.
+            "algorithm" => flatten(String::new(), &value, &mut lines),
+            // Of a robot of one's own its name and its table; the model is told by its digest, wherever it stands.
+            "env" if value.is_object() => {
+                flatten(name, &value["name"], &mut lines);
+                flatten("env".to_owned(), &value["robot"], &mut lines);
+            }
+            _ => flatten(name, &value, &mut lines),
+        }
     }
     lines
 }

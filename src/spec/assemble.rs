@@ -12,9 +12,9 @@ use super::{
     error::SpecError,
     layers,
     names::nearest_label,
+    robots::{Robots, is_robots_alone},
     source::{self, AxisList, Layer, Source, Step},
 };
-use crate::env::EnvId;
 
 /// Reads, merges and checks everything; `text` stands for the file's, without environment variables.
 pub(super) fn assemble(path: &Path, text: Option<&str>, overrides: &Overrides) -> Result<ExperimentSpec, SpecErrors> {
@@ -31,20 +31,22 @@ pub(super) fn assemble(path: &Path, text: Option<&str>, overrides: &Overrides) -
     let (parsed, slips): (Vec<_>, Vec<_>) = layers.iter().map(Layer::parse).unzip();
     // What a text that is not TOML seems to say is not worth a word.
     SpecErrors::none_or(slips.concat())?;
-    let mut sources = Vec::new();
+    let sources: Vec<Source<'_>> = parsed;
+    let (robots, wrong) = Robots::read(&sources);
+    errors.extend(wrong);
     let mut tables = Vec::new();
-    for (layer, source) in layers.iter().zip(parsed) {
-        let mut checked = check(&source, &axes);
+    for (layer, source) in layers.iter().zip(&sources) {
+        let mut checked = check(source, &axes, &robots);
         errors.extend(checked.errors);
         anchor(&mut checked.table, layer);
         tables.push(checked.table);
-        sources.push(source);
     }
     // A list with a mistake of its own replaces nothing.
     axes.retain(|axis| !errors.iter().any(|error| error.place == axis.layer.place(0..0)));
 
     let merged = layers::merge(tables);
-    let (mut spec, indices) = build(merged, path, &sources, &axes, &mut errors);
+    let (mut spec, indices) =
+        build(merged, path, &Written { sources: &sources, axes: &axes, robots: &robots }, &mut errors);
     let draft = Draft { spec: &spec, indices: &indices, sources: &sources, axes: &axes, known: &errors };
     let findings = draft.check();
     errors.extend(findings.errors);
@@ -78,8 +80,7 @@ fn anchor(table: &mut toml::Table, layer: &Layer) {
 fn build(
     mut merged: toml::Table,
     path: &Path,
-    sources: &[Source<'_>],
-    axes: &[AxisList],
+    written: &Written<'_>,
     errors: &mut Vec<SpecError>,
 ) -> (ExperimentSpec, Vec<usize>) {
     let text =
@@ -90,11 +91,11 @@ fn build(
     };
     let name = text(merged.remove("name"));
     let description = text(merged.remove("description"));
-    let (indices, matrix) = blocks(merged.remove("matrix"), sources, axes, errors).into_iter().unzip();
+    let (indices, matrix) = blocks(merged.remove("matrix"), written, errors).into_iter().unzip();
     let algorithms = table(merged.remove("algorithms"));
     let environments = table(merged.remove("environments"))
         .into_iter()
-        .filter_map(|(name, own)| Some((name.parse::<EnvId>().ok()?, own.as_table()?.clone())))
+        .filter_map(|(name, own)| Some((written.robots.find(&name).ok()?, settings_of(own.as_table()?))))
         .collect();
     let figures = list(merged.remove("figures"));
     let tables = list(merged.remove("tables"));
@@ -104,7 +105,7 @@ fn build(
     let folder = path.parent().unwrap_or(Path::new("")).to_owned();
     // Where nothing else is said, demonstrations lie beside the file that the others extend.
     let mut settings = toml::Table::new();
-    let first = sources.first().map_or(folder.as_path(), |source| source.layer.folder());
+    let first = written.sources.first().map_or(folder.as_path(), |source| source.layer.folder());
     let beside = first.join(Settings::DEMONSTRATIONS).to_string_lossy().into_owned();
     settings.insert("demonstrations".into(), toml::Value::String(beside));
     settings.extend(merged.into_iter().filter(|(key, _)| Catalog::get().settings.schema(&[key.as_str()]).is_some()));
@@ -127,6 +128,21 @@ fn build(
     (spec, indices)
 }
 
+/// What a specification is made from, beside its merged table.
+struct Written<'a> {
+    /// The layers, weakest first.
+    sources: &'a [Source<'a>],
+    /// The lists that replace axes.
+    axes: &'a [AxisList],
+    robots: &'a Robots,
+}
+
+/// Of an environment's table, without what describes a robot.
+fn settings_of(table: &toml::Table) -> toml::Table {
+    let settings = table.iter().filter(|(key, _)| !is_robots_alone(key));
+    settings.map(|(key, value)| (key.clone(), value.clone())).collect()
+}
+
 /// Makes -0.0, which no parameter tells from 0.0, the 0.0 that it means.
 fn without_negative_zero(value: &mut toml::Value) {
     match value {
@@ -146,8 +162,7 @@ fn list<T: DeserializeOwned>(value: Option<toml::Value>) -> Vec<T> {
 /// The blocks with their indices, their axes in the order of the file.
 fn blocks(
     value: Option<toml::Value>,
-    sources: &[Source<'_>],
-    axes: &[AxisList],
+    &Written { sources, axes, robots }: &Written<'_>,
     errors: &mut Vec<SpecError>,
 ) -> Vec<(usize, Block)> {
     let tables = value.and_then(|value| value.as_array().cloned()).unwrap_or_default();
@@ -174,7 +189,7 @@ fn blocks(
                 "seed" => {
                     block.seed = values.iter().filter_map(|seed| u64::try_from(seed.as_integer()?).ok()).collect()
                 }
-                "env" => block.env = values.iter().filter_map(|name| name.as_str()?.parse().ok()).collect(),
+                "env" => block.env = values.iter().filter_map(|name| robots.find(name.as_str()?).ok()).collect(),
                 "algorithm" => {
                     block.algorithm = values.iter().filter_map(|name| name.as_str().map(str::to_owned)).collect();
                 }

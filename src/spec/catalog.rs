@@ -19,7 +19,7 @@ use super::{
 };
 use crate::{
     algo::{Entry, catalogue},
-    env::EnvId,
+    env::{EnvId, robot::Robot},
     quantity::constant,
 };
 
@@ -145,6 +145,8 @@ pub(super) struct Catalog {
     pub(super) settings_table: Section,
     /// Of the whole file, for the sake of its one key, `slurm`.
     pub(super) slurm: Section,
+    /// What describes a robot of one's own.
+    pub(super) robot: Section,
     algorithms: Vec<(&'static str, Section)>,
 }
 
@@ -157,6 +159,7 @@ impl Catalog {
             table: Section::of(&Table::specimen()),
             claim: Section::of(&Claim::specimen()),
             settings_table: Section::of(&SettingsTable::specimen()),
+            robot: Section::of(&Robot::specimen()),
             slurm: Section::of(&Submitted { slurm: Slurm::specimen() }),
             algorithms: catalogue::all().map(|entry| (entry.about().name, Section::algorithm(entry))).collect(),
         });

@@ -196,7 +196,10 @@ fn conflicts(env: EnvId, settings: &Settings, algorithm: &Algorithm) -> Vec<Conf
     if settings.reward != Reward::Dense && mem::discriminant(&settings.reward) != mem::discriminant(&sparse) {
         conflict(
             format!("{} is not a reward of this environment", reward_name(&settings.reward)),
-            &format!("expected `dense` or {}", reward_name(&sparse)),
+            &match sparse {
+                Reward::Dense => "expected `dense`; the robot's table names no `landmark`".to_owned(),
+                _ => format!("expected `dense` or {}", reward_name(&sparse)),
+            },
             vec![setting("reward")],
         );
     }

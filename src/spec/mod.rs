@@ -16,6 +16,7 @@ mod measured;
 mod names;
 mod parameter;
 mod resolve;
+mod robots;
 mod schema;
 mod selection;
 mod settings;

@@ -26,9 +26,15 @@ pub fn schema() -> Value {
 
     let mut environment = settings.clone();
     environment.insert("algorithms".into(), algorithms.clone());
+    let mut robot = environment.clone();
+    robot.extend(properties(catalog.robot.schema(&[]).unwrap_or(&Value::Null)));
+    let mut robot = object("A robot of one's own, with settings and hyperparameters for it alone", robot);
+    robot["required"] = catalog.robot.required().collect();
     let environment = object("Settings and hyperparameters for one environment alone", environment);
     let environments = EnvId::known().map(|(name, _)| (name.to_owned(), environment.clone())).collect();
-    let environments = object("Settings by the environment's name, Gym's or the paper's", environments);
+    let mut environments =
+        object("Settings by the environment's name, Gym's or the paper's, or one's own", environments);
+    environments["additionalProperties"] = robot;
 
     let mut file = settings;
     let text = |description: &str| json!({ "type": "string", "description": description });
@@ -79,7 +85,10 @@ fn block() -> Value {
     let environments: Vec<&str> = EnvId::known().map(|(name, _)| name).collect();
     let mut keys = Map::new();
     keys.insert("seed".into(), values("Seeds", json!({ "type": "integer", "minimum": 0, "maximum": i64::MAX })));
-    keys.insert("env".into(), values("Environments", json!({ "enum": environments })));
+    keys.insert(
+        "env".into(),
+        values("Environments", json!({ "anyOf": [{ "enum": environments }, { "type": "string" }] })),
+    );
     let algorithms: Vec<&str> = Algorithm::names().collect();
     keys.insert("algorithm".into(), values("Algorithms", json!({ "enum": algorithms })));
     for name in Parameter::names() {

@@ -121,7 +121,9 @@ impl Wanted {
         if let Some(dense_return) = target {
             return Ok(Self { dense_return, like: None });
         }
-        let paper = reference::returns(env.name()).context("the paper has no such environment")?;
+        let paper = reference::returns(env.name()).with_context(|| {
+            format!("the paper has no {env}: `--target RETURN` says what its demonstration is to earn")
+        })?;
         Ok(Self { dense_return: paper.demo, like: reference::demonstration(env.name()) })
     }
 

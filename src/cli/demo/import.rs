@@ -13,8 +13,8 @@ use crate::{
 pub struct ImportArguments {
     /// The file: a pickle of the authors' code, Parquet, or .npz
     file: PathBuf,
-    /// The environment, such as Hopper-v2
-    #[arg(long, value_name = "ENV")]
+    /// The environment, such as Hopper-v2, or robot.toml:NAME for a robot of one's own
+    #[arg(long, value_name = "ENV", value_parser = super::super::environment::environment)]
     env: EnvId,
     /// The demonstration to write
     #[arg(long, value_name = "DEMO.parquet")]

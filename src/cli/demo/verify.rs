@@ -14,8 +14,8 @@ use crate::{
 pub struct VerifyArguments {
     /// The demonstration (*.parquet, with poses)
     file: PathBuf,
-    /// The environment, such as Hopper-v2
-    #[arg(long, value_name = "ENV")]
+    /// The environment, such as Hopper-v2, or robot.toml:NAME for a robot of one's own
+    #[arg(long, value_name = "ENV", value_parser = super::super::environment::environment)]
     env: EnvId,
     /// The largest deviation of an observation's number or a reward that still counts as agreement [default: 1e-9; 1e-5 in
     /// MountainCar, and 1e-6 for rewards under f32 actions, which Gymnasium computes in f32]

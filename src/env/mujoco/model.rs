@@ -61,16 +61,6 @@ impl Model {
         Ok(Self { text: text.into(), path: Some(path), files })
     }
 
-    /// Where it stands; absent for one that ships.
-    pub(in crate::env) fn path(&self) -> Option<&Path> {
-        self.path.as_deref()
-    }
-
-    /// Its text.
-    pub(in crate::env) fn text(&self) -> &str {
-        &self.text
-    }
-
     /// What tells it from others: 16 hexadecimal digits of its text and the files that it needs, wherever they stand.
     pub(in crate::env) fn digest(&self) -> String {
         let mut hasher = blake3::Hasher::new();

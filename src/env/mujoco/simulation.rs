@@ -34,7 +34,12 @@ impl Simulation {
         if version != ENGINE_VERSION {
             return Err(refused(format!("the library's version is {version}; {ENGINE_VERSION} is needed")));
         }
-        model.check_files().map_err(refused)?;
+        model.check_files().map_err(|message| EnvError::Robot {
+            env: env.to_owned(),
+            key: "model",
+            index: None,
+            message,
+        })?;
         let loaded = match &model.path {
             None => MjModel::from_xml_string(&model.text).map_err(said),
             Some(path) => from_text_at(&model.text, path),

@@ -16,6 +16,7 @@ use super::{
     catalog::{Catalog, Section},
     error::SpecError,
     names::{date_in_words, nearest_label},
+    robots::{Robots, is_robots_alone},
     source::{AxisList, Layer, Source, Step, plain_value},
 };
 use crate::env::{EnvError, EnvId};
@@ -46,8 +47,10 @@ pub(super) struct Checked {
 }
 
 /// Checks every value of `source` by itself. `axes` replace lists of its blocks, and are checked in their place.
-pub(super) fn check(source: &Source<'_>, axes: &[AxisList]) -> Checked {
-    let mut checker = Checker { layer: source.layer, axes, errors: Vec::new(), bad: Vec::new(), way: Vec::new() };
+/// `robots` are those that the file describes.
+pub(super) fn check(source: &Source<'_>, axes: &[AxisList], robots: &Robots) -> Checked {
+    let mut checker =
+        Checker { layer: source.layer, axes, robots, errors: Vec::new(), bad: Vec::new(), way: Vec::new() };
     checker.root(source.tree.get_ref());
     let Checker { errors, mut bad, .. } = checker;
     let mut table = plain_value(&Spanned::new(source.tree.span(), DeValue::Table(source.tree.get_ref().clone())));
@@ -90,6 +93,7 @@ fn remove(value: &mut toml::Value, way: &[Step]) {
 struct Checker<'a> {
     layer: &'a Layer,
     axes: &'a [AxisList],
+    robots: &'a Robots,
     errors: Vec<SpecError>,
     /// The ways to what is wrong.
     bad: Vec<Vec<Step>>,
@@ -274,43 +278,63 @@ impl<'a> Checker<'a> {
 
     /// The environment called `name`, or the error that there is none.
     fn environment(&mut self, name: &str, span: Range<usize>) -> Option<EnvId> {
-        match name.parse() {
-            Ok(env) => Some(env),
-            Err(EnvError::UnknownEnvironment { name, known }) => {
+        match self.robots.find(name) {
+            Ok(env) => return Some(env),
+            // It has its own messages, and is left out.
+            Err(None) => self.bad.push(self.way.clone()),
+            Err(Some(EnvError::UnknownEnvironment { name, known })) => {
                 self.wrong(span, format!("unknown environment `{name}`"), Some(known));
-                None
             }
-            Err(other) => {
-                self.wrong(span, other.to_string(), None);
-                None
-            }
+            Err(Some(other)) => self.wrong(span, other.to_string(), None),
         }
+        None
     }
 
     fn environments(&mut self, table: &DeTable<'_>) {
-        let settings = &Catalog::get().settings;
         let mut seen = Vec::new();
         for (name, value) in table {
             self.key(name.get_ref(), |this| {
-                let Some(env) = this.environment(name.get_ref(), name.span()) else { return };
-                if seen.contains(&env) {
-                    this.wrong(name.span(), format!("{env} has two tables, under two of its names"), None);
+                let name_text = name.get_ref().as_ref();
+                let env = this.environment(name_text, name.span());
+                if env.is_none() && !this.robots.has(name_text) {
+                    return;
                 }
-                seen.push(env);
-                this.table(value, &format!("`environments.\"{env}\"`"), |this, table| {
-                    for (key, value) in table {
-                        let text = key.get_ref().as_ref();
-                        this.key(text, |this| match text {
-                            "algorithms" => this.table(value, "`algorithms`", Self::algorithms),
-                            _ if settings.schema(&[text]).is_some() => this.section(settings, &[text], value),
-                            _ => {
-                                let known: Vec<&str> =
-                                    settings.keys(&[]).into_iter().flatten().chain(["algorithms"]).collect();
-                                this.unknown_key(key, &format!(" of {env}"), known.into_iter());
-                            }
-                        });
-                    }
+                if env.is_some_and(|env| seen.contains(&env)) {
+                    this.wrong(name.span(), format!("{name_text} has two tables, under two of its names"), None);
+                }
+                seen.extend(env);
+                let name = env.map_or(name_text, |env| env.name());
+                this.table(value, &format!("`environments.\"{name}\"`"), |this, table| {
+                    this.of_environment(name, table)
                 });
+            });
+        }
+    }
+
+    /// The table of the environment called `name`: settings, and a robot's own keys.
+    fn of_environment(&mut self, name: &str, table: &DeTable<'_>) {
+        let Catalog { settings, robot, .. } = Catalog::get();
+        let is_robot = self.robots.has(name);
+        for (key, value) in table {
+            let text = key.get_ref().as_ref();
+            self.key(text, |this| match text {
+                "algorithms" => this.table(value, "`algorithms`", Self::algorithms),
+                _ if settings.schema(&[text]).is_some() => this.section(settings, &[text], value),
+                _ if is_robot && robot.schema(&[text]).is_some() => this.section(robot, &[text], value),
+                _ if is_robots_alone(text) => {
+                    let label = "a robot of your own needs a name of its own".to_owned();
+                    this.wrong(
+                        key.span(),
+                        format!("`{text}` cannot be set: {name} ships with the program"),
+                        Some(label),
+                    );
+                }
+                _ => {
+                    let robots = robot.keys(&[]).into_iter().flatten().filter(|_| is_robot);
+                    let known = settings.keys(&[]).into_iter().flatten().chain(["algorithms"]).chain(robots);
+                    let known: Vec<&str> = known.collect();
+                    this.unknown_key(key, &format!(" of {name}"), known.into_iter());
+                }
             });
         }
     }
