@@ -11,9 +11,9 @@ use std::{error::Error, path::Path};
 
 use mcpo_run::{
     algo::{
-        Agent, Batch, OnPolicy, critic, gae,
+        Agent, Batch, OnPolicy, gae,
         mcpo::{self, Mcpo},
-        mimicry::{Costs, Mimicry},
+        mimicry::Mimicry,
         trust_region::Surrogate,
     },
     demo::Demonstration,
@@ -120,7 +120,7 @@ fn study(env: &str) -> Result<Vec<Case>, Box<dyn Error>> {
         let wanted = |i: &usize| *i == iteration || *i == iteration + 1;
         if ITERATIONS.iter().any(wanted) {
             let gradients = gradients(mcpo.agent(), &batch, &mut mimicry, &h)?;
-            let problem = Problem::new(mcpo.agent(), &batch, h.damping.get());
+            let problem = Problem::new(mcpo.agent(), &batch, h.region.damping.get());
             if let Some(before) = before.take() {
                 let best =
                     [0, 1].map(|i| dot(&gradients[i], &problem.solved(&batch.observations, &gradients[i], ENOUGH).0));
@@ -143,15 +143,13 @@ fn gradients(
     mimicry: &mut Mimicry,
     h: &mcpo::Hyperparameters,
 ) -> Result<[Vec<f32>; 2], Box<dyn Error>> {
-    let (discount, lambda) = (h.discount.get(), h.gae_lambda.get());
+    let (discount, lambda) = (h.critic.discount.get(), h.critic.gae_lambda.get());
     let (mut pass, mut value_pass) = (Pass::default(), Pass::default());
     let estimate = gae::estimate(batch, &batch.rewards, &agent.value, discount, lambda, &mut value_pass);
     let surrogate = Surrogate::new(&agent.policy, batch, &estimate.advantages, &mut pass);
     let g = surrogate.gradient(&agent.policy, &mut pass);
-    let fit = critic::Fit { epochs: 1, minibatch: 1024, learning_rate: 1e-4, l2_penalty: 0.0 }; // a rollout's, not used
     let mut unused = Seed(0).stream(Stream::Update, 0);
-    let measured =
-        mimicry.measure(agent, batch, &surrogate, &mut pass, &Costs { discount, lambda, fit }, &mut unused)?;
+    let measured = mimicry.measure(agent, &surrogate, &mut pass, &h.critic, &mut unused)?;
     Ok([g, measured.gradient])
 }
 

@@ -7,12 +7,54 @@ use serde::{Deserialize, Serialize};
 use super::{AlgoError, finite, revision::Part};
 use crate::{
     nn::{Mlp, Pass},
+    quantity::{Count, Discount, NonNegative, Positive, UnitInterval, constant},
     rng::Rng,
     solver::adam::Adam,
 };
 
 /// Raise its revision when what this file computes changes.
 pub static PART: Part = Part { name: "critic", revision: 1, uses: &[] };
+
+/// What second-order methods let a user set of the value network, and of the advantages it is the baseline of.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct Hyperparameters {
+    /// Discount gamma.
+    pub discount: Discount,
+    /// GAE's lambda.
+    pub gae_lambda: UnitInterval,
+    /// Adam's step size for the value network.
+    pub learning_rate: Positive,
+    /// L2 penalty on the value network's parameters.
+    pub l2_penalty: NonNegative,
+    /// Passes of the value network over each batch.
+    pub value_epochs: Count,
+    /// Samples in a minibatch of the value network.
+    pub minibatch: Count,
+}
+
+impl Hyperparameters {
+    /// The paper's Table 1, with minibatches of `minibatch` samples.
+    pub fn with_minibatch(minibatch: i64) -> Self {
+        Self {
+            discount: constant(0.99),
+            gae_lambda: constant(0.95),
+            learning_rate: constant(1e-4),
+            l2_penalty: constant(1e-3),
+            value_epochs: constant(10),
+            minibatch: constant(minibatch),
+        }
+    }
+
+    /// The fit of the value network.
+    pub fn fit(&self) -> Fit {
+        Fit {
+            epochs: self.value_epochs.size(),
+            minibatch: self.minibatch.size(),
+            learning_rate: self.learning_rate.get(),
+            l2_penalty: self.l2_penalty.get(),
+        }
+    }
+}
 
 /// How a value network is fitted.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -97,9 +97,9 @@ mod tests {
     fn distance(imitation: f64) -> f64 {
         let mut hyperparameters = Hyperparameters::for_env(EnvId::Hopper);
         hyperparameters.discriminator.learning_rate = constant(1e-2);
-        hyperparameters.trpo.max_kl = constant(2e-2);
-        hyperparameters.trpo.learning_rate = constant(1e-2);
-        hyperparameters.trpo.minibatch = constant(128);
+        hyperparameters.trpo.region.max_kl = constant(2e-2);
+        hyperparameters.trpo.critic.learning_rate = constant(1e-2);
+        hyperparameters.trpo.critic.minibatch = constant(128);
         let demonstration = bandit::demonstration(100, |s| s + 1.0);
         let mut gail = gail(hyperparameters, bandit::agent(0.5), &demonstration, Seed(0));
         gail.imitation *= imitation;

@@ -28,8 +28,8 @@
 //! policy's step is in closed form.
 
 mod hyperparameters;
+mod iteration;
 
-use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -37,25 +37,22 @@ use super::{
     critic::{self, Critic},
     definition::{About, Definition, Learner},
     finite, gae,
-    mimicry::{self, Costs, Measured, Mimicry, Samples},
+    mimicry::{self, Mimicry, Samples},
     operations::{Counter, Operations},
     revision::Part,
     stopwatch::Stopwatch,
-    trust_region::{self, Found, GAIN_SHARE, KL_MARGIN, Surrogate, Trial},
+    trust_region::{self, Surrogate},
 };
 use crate::{
     demo::Demonstration,
-    nn::{GaussianPolicy, Normalizer, Pass},
+    nn::{Normalizer, Pass},
     quantity::Positive,
     rng::{Rng, Seed},
-    solver::{
-        LinearConstraint, Step,
-        dual::DualSolution,
-        line_search::{Refused, WayBack},
-    },
+    solver::{ConstrainedStep, LinearConstraint, Step, dual::DualSolution},
 };
 
 pub use hyperparameters::Hyperparameters;
+use iteration::Iteration;
 
 /// Raise its revision when what this file computes changes.
 pub static PART: Part =
@@ -90,20 +87,16 @@ fn operations(h: &Hyperparameters, counter: &Counter<'_>) -> Vec<Operations> {
     let at_states = h.mmd.samples == Samples::DemoStates;
     let no_step = update.case.as_deref() == Some("infeasible") && at_states;
     let stays = update.case.as_deref() == Some("degenerate_g") && update.mmd <= update.d;
-    let trials = if no_step || stays { 0.0 } else { counter.trials(h.line_search_steps) };
+    let trials = if no_step || stays { 0.0 } else { counter.trials(h.region.line_search_steps) };
     let mut parts = vec![counter.values(), counter.surrogate_gradient()];
-    parts.push(mimicry::operations(h.mmd.samples, h.value_epochs, trials, counter));
-    parts.extend(trust_region::operations(h.fisher_samples, trials, counter));
+    parts.push(mimicry::operations(h.mmd.samples, h.critic.value_epochs, trials, counter));
+    parts.extend(trust_region::operations(&h.region, trials, counter));
     if at_states && update.recovery_steps.is_some() {
         parts.push(("recovery", mimicry::descent_operations(counter)));
     }
-    parts.push(counter.value_epochs(h.value_epochs));
+    parts.push(counter.value_epochs(h.critic.value_epochs));
     parts
 }
-
-/// The constraint is met where D exceeds the tolerance by less than this share of it: a correction ends near the bound, on
-/// either side.
-const D_MARGIN: f64 = 1e-3;
 
 /// MCPO.
 pub struct Mcpo {
@@ -120,17 +113,6 @@ struct State {
     critic: Critic,
     /// d_k.
     tolerance: f64,
-}
-
-/// What one iteration did to the policy, for the record.
-#[derive(Default)]
-struct Outcome {
-    kl: f64,
-    gain: f64,
-    mmd_after: f64,
-    step_fraction: f64,
-    corrections: u64,
-    recovery_steps: Option<u64>,
 }
 
 impl Mcpo {
@@ -162,68 +144,51 @@ impl OnPolicy for Mcpo {
     }
 
     fn update(&mut self, batch: &Batch, rng: &mut Rng) -> Result<Update, AlgoError> {
-        let Self { hyperparameters, mimicry, state: State { agent, critic, tolerance }, pass, trial_pass } = self;
+        let Self { hyperparameters: h, mimicry, state: State { agent, critic, tolerance }, pass, trial_pass } = self;
         let mut watch = Stopwatch::start();
-        let (discount, lambda) = (hyperparameters.discount.get(), hyperparameters.gae_lambda.get());
+        let (discount, lambda) = (h.critic.discount.get(), h.critic.gae_lambda.get());
         let estimate = gae::estimate(batch, &batch.rewards, &agent.value, discount, lambda, trial_pass);
         watch.lap("advantages");
 
-        // g is the gradient of the loss, the surrogate's with the other sign; b and D are the constraint's.
+        // Eq. (5): g is the gradient of the loss, the surrogate's with the other sign; b and D are the constraint's.
         let surrogate = Surrogate::new(&agent.policy, batch, &estimate.advantages, pass);
         let mut g = surrogate.gradient(&agent.policy, pass);
         g.iter_mut().for_each(|g| *g = -*g);
         watch.lap("gradient");
-        let costs = Costs { discount, lambda, fit: hyperparameters.critic_fit() };
-        let measured = mimicry.measure(agent, batch, &surrogate, pass, &costs, rng)?;
+        let measured = mimicry.measure(agent, &surrogate, pass, &h.critic, rng)?;
         let slack = *tolerance - measured.mmd;
         watch.lap("mimicry");
 
-        // Eq. (5) to (12).
+        // Eq. (6) to (12).
         let constraint = LinearConstraint { gradient: &measured.gradient, slack };
-        let solved = hyperparameters.region().step(&agent.policy, &batch.observations, pass, &g, Some(constraint));
+        let solved = h.region.step(&agent.policy, &batch.observations, pass, &g, Some(constraint));
         watch.lap("conjugate gradient");
 
-        let start = agent.policy.clone();
-        let iteration = Iteration {
-            hyperparameters,
-            start: &start,
+        let mut iteration = Iteration {
+            hyperparameters: h,
+            start: &agent.policy.clone(),
             observations: &batch.observations,
             surrogate: &surrogate,
             measured: &measured,
-            way_back: solved.way_back,
+            way_back: solved.way_back.as_ref(),
             tolerance: *tolerance,
+            mimicry,
+            fisher_pass: pass,
+            pass: trial_pass,
         };
-        let outcome = match (&solved.step, solved.solution) {
-            (
-                Some(step),
-                DualSolution::Inactive { .. } | DualSolution::Active { .. } | DualSolution::DegenerateB { .. },
-            ) => iteration.search(&mut agent.policy, step, Some(-solved.objective_change), mimicry, pass, trial_pass),
-            (Some(_), DualSolution::DegenerateG { .. }) if slack >= 0.0 => iteration.stay(),
-            (Some(step), _) => {
-                let outcome = iteration.search(&mut agent.policy, step, None, mimicry, pass, trial_pass);
-                match hyperparameters.mmd.samples {
-                    // The step was to reach the tolerance, and D is known well enough to see that it did not.
-                    Samples::DemoStates if outcome.mmd_after > (1.0 + D_MARGIN) * *tolerance => {
-                        let recovered = iteration.recover(agent, mimicry, 1.0, pass, trial_pass)?;
-                        Outcome { step_fraction: outcome.step_fraction, ..recovered }
-                    }
-                    _ => outcome,
-                }
-            }
-            (None, DualSolution::Infeasible) => {
-                iteration.recover(agent, mimicry, hyperparameters.recovery_depth.get(), pass, trial_pass)?
-            }
-            (None, _) => return Err(AlgoError::Undefined { q: solved.q, r: solved.r, s: solved.s }),
+        let outcome = match Action::of(&solved, slack)? {
+            Action::Improve(step) => iteration.improve(&mut agent.policy, step, -solved.objective_change),
+            Action::Restore(step) => iteration.restore(agent, step)?,
+            Action::Stay => iteration.stay(),
+            Action::Recover => iteration.recover(agent, h.recovery_depth.get())?,
         };
         watch.lap("line search and recovery");
 
-        let value_loss =
-            critic.fit(&mut agent.value, &batch.observations, &estimate.returns, hyperparameters.critic_fit(), rng)?;
+        let value_loss = critic.fit(&mut agent.value, &batch.observations, &estimate.returns, h.critic.fit(), rng)?;
         watch.lap("value");
 
         let d = *tolerance;
-        *tolerance =
-            (d * (1.0 + hyperparameters.epsilon.get())).min(hyperparameters.max_d.map_or(f64::INFINITY, Positive::get));
+        *tolerance = (d * (1.0 + h.epsilon.get())).min(h.max_d.map_or(f64::INFINITY, Positive::get));
         let multipliers = solved.solution.multipliers();
         Ok(Update {
             kl: Some(finite("the KL", outcome.kl)?),
@@ -257,120 +222,36 @@ impl OnPolicy for Mcpo {
     }
 }
 
-/// What the parts of one iteration's step share.
-struct Iteration<'a> {
-    hyperparameters: &'a Hyperparameters,
-    /// The policy at its start.
-    start: &'a GaussianPolicy,
-    /// What it saw, normalised `[observation_dim x n]`.
-    observations: &'a DMatrix<f32>,
-    surrogate: &'a Surrogate<'a>,
-    measured: &'a Measured,
-    /// Along which D is lowered soonest, where the dual has asked for it.
-    way_back: Option<WayBack>,
-    /// d_k.
-    tolerance: f64,
+/// The policy's move in one iteration, as the dual's case decides.
+enum Action<'a> {
+    /// The constraint holds, and there is a reward to gain: the step of Eq. (8) and (12).
+    Improve(&'a Step),
+    /// The constraint is violated, and the trust region reaches where it holds (Eq. 14): the step that leads there.
+    Restore(&'a Step),
+    /// The constraint holds, and there is nothing to gain.
+    Stay,
+    /// The constraint is violated, and out of the trust region's reach (Eq. 14): Eq. (13).
+    Recover,
 }
 
-impl Iteration<'_> {
-    /// Nothing to gain and nothing to mend: the policy stays.
-    fn stay(&self) -> Outcome {
-        Outcome { mmd_after: self.measured.mmd, ..Outcome::default() }
-    }
-
-    /// Moves `policy` along `step` as far as the real KL, D and surrogate allow: the KL stays within `max_kl`, D within the
-    /// tolerance or, where it was beyond, below what it was. `promised` is the gain that the linear model sees in the whole
-    /// step; where the step is to restore the constraint, nothing is promised and the surrogate may fall.
-    fn search(
-        &self,
-        policy: &mut GaussianPolicy,
-        step: &Step,
-        promised: Option<f64>,
-        mimicry: &mut Mimicry,
-        fisher_pass: &mut Pass,
-        pass: &mut Pass,
-    ) -> Outcome {
-        let h = self.hyperparameters;
-        let max_kl = KL_MARGIN * h.max_kl.get();
-        let met = (1.0 + D_MARGIN) * self.tolerance;
-        let max_mmd = met.max(self.measured.mmd);
-        let trials = h.line_search_steps.size();
-        // From a rollout D is known to first order alone, which has no curvature to correct.
-        let corrections = if h.mmd.samples == Samples::DemoStates { h.max_corrections.size() } else { 0 };
-        let way_back = || {
-            let solve = || h.region().way_back(self.start, self.observations, fisher_pass, &self.measured.gradient);
-            Some(self.way_back.clone().unwrap_or_else(solve))
-        };
-        let found = trust_region::search_corrected(
-            policy,
-            step,
-            trials,
-            corrections,
-            way_back,
-            |trial, fraction, correctable| {
-                if correctable {
-                    let mmd = mimicry.at(self.measured, trial, &[]);
-                    if mmd > met {
-                        return Err(Refused::Excess(mmd - self.tolerance));
-                    }
-                }
-                let measured = self.surrogate.measure(trial, pass);
-                let mmd = mimicry.at(self.measured, trial, &measured.ratios);
-                let enough = promised.map_or(f64::NEG_INFINITY, |gain| GAIN_SHARE * fraction * gain);
-                // Each test is one that NaN fails.
-                let tests =
-                    [(measured.kl <= max_kl, "KL"), (mmd <= max_mmd, "D"), (measured.gain >= enough, "surrogate")];
-                let failed = tests.into_iter().find(|(passed, _)| !passed);
-                failed.map_or(Ok((measured, mmd)), |(_, failed)| Err(Refused::Because(failed)))
-            },
-        );
-        found.map_or_else(
-            || self.stay(),
-            |Found { fraction, corrections, verdict: (Trial { gain, kl, .. }, mmd_after) }| Outcome {
-                kl,
-                gain,
-                mmd_after,
-                step_fraction: fraction,
-                corrections: corrections as u64,
-                recovery_steps: None,
-            },
-        )
-    }
-
-    /// Eq. (13), for a constraint out of reach. At the demonstration's states D is known everywhere, and Adam descends on it
-    /// until it is within `depth` times the tolerance, whatever the KL. From a rollout it is known nearby alone, and one step of the
-    /// trust region goes down its gradient.
-    fn recover(
-        &self,
-        agent: &mut Agent,
-        mimicry: &mut Mimicry,
-        depth: f64,
-        fisher_pass: &mut Pass,
-        pass: &mut Pass,
-    ) -> Result<Outcome, AlgoError> {
-        let h = self.hyperparameters;
-        match h.mmd.samples {
-            Samples::DemoStates => {
-                let enough = depth * self.tolerance;
-                let descent = mimicry.descend(agent, enough, h.recovery_steps.get(), h.recovery_learning_rate.get())?;
-                let Trial { gain, kl, .. } = self.surrogate.measure(&agent.policy, pass);
-                Ok(Outcome {
-                    kl,
-                    gain,
-                    mmd_after: descent.after,
-                    recovery_steps: Some(descent.steps),
-                    ..Outcome::default()
-                })
+impl<'a> Action<'a> {
+    /// The one that follows from the solution of the dual at `slack`, `c = d_k - D(theta_k)`.
+    ///
+    /// # Errors
+    ///
+    /// The problem is undefined: training diverged.
+    fn of(solved: &'a ConstrainedStep, slack: f64) -> Result<Self, AlgoError> {
+        Ok(match solved.solution {
+            DualSolution::Infeasible => Self::Recover,
+            DualSolution::DegenerateG { .. } if slack >= 0.0 => Self::Stay,
+            DualSolution::DegenerateG { .. } | DualSolution::Recoverable { .. } => {
+                Self::Restore(trust_region::step_of(solved)?)
             }
-            Samples::Rollout => {
-                let solved = h.region().step(self.start, self.observations, fisher_pass, &self.measured.gradient, None);
-                let outcome = match &solved.step {
-                    Some(step) => self.search(&mut agent.policy, step, None, mimicry, fisher_pass, pass),
-                    None => self.stay(),
-                };
-                Ok(Outcome { recovery_steps: Some(1), ..outcome })
-            }
-        }
+            DualSolution::Inactive { .. }
+            | DualSolution::Active { .. }
+            | DualSolution::DegenerateB { .. }
+            | DualSolution::Undefined => Self::Improve(trust_region::step_of(solved)?),
+        })
     }
 }
 

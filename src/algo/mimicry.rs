@@ -18,7 +18,7 @@ use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Agent, AlgoError, Batch,
+    Agent, AlgoError,
     critic::{self, Critic},
     finite, gae,
     operations::{Counter, Operations},
@@ -112,16 +112,6 @@ enum Nearby {
     Rollout { advantages: Vec<f64> },
 }
 
-/// What the fit of the cost's value network needs; the same as for returns.
-pub struct Costs {
-    /// Discount gamma.
-    pub discount: f64,
-    /// GAE's lambda.
-    pub lambda: f64,
-    /// How the value network is fitted.
-    pub fit: critic::Fit,
-}
-
 impl Mimicry {
     /// Nearness to `demonstration`, for a policy with hidden layers of `hidden`.
     pub fn new(hyperparameters: Hyperparameters, demonstration: &Demonstration, hidden: &[usize], seed: Seed) -> Self {
@@ -143,17 +133,18 @@ impl Mimicry {
         }
     }
 
-    /// D and b at `agent`'s policy. For `rollout`, `surrogate` is that of the iteration's batch and `pass` holds the policy's
-    /// forward pass on it.
+    /// D and b at `agent`'s policy. For `rollout`, `surrogate` is that of the iteration's batch, `pass` holds the policy's
+    /// forward pass on it, and the cost's value network learns as `critic` says for returns.
     ///
-    /// Errors: D or the cost's value is no longer finite.
+    /// # Errors
+    ///
+    /// D or the cost's value is no longer finite.
     pub fn measure(
         &mut self,
         agent: &Agent,
-        batch: &Batch,
         surrogate: &Surrogate<'_>,
         pass: &mut Pass,
-        costs: &Costs,
+        critic: &critic::Hyperparameters,
         rng: &mut Rng,
     ) -> Result<Measured, AlgoError> {
         let Agent { policy, normalizer, .. } = agent;
@@ -165,14 +156,16 @@ impl Mimicry {
                 Ok(Measured { mmd: finite("D", mmd)?, gradient, nearby: Nearby::DemoStates { inputs } })
             }
             Samples::Rollout => {
+                let batch = surrogate.batch();
                 let mut cost = vec![0.0; batch.len()];
                 let states = self.standardizer.standardize(&batch.raw_observations);
                 let mmd = self.target.mmd_squared_witness(&stack(&states, &batch.actions), &mut cost);
                 let mean = cost.iter().sum::<f64>() / cost.len() as f64;
                 cost.iter_mut().for_each(|f| *f = 2.0 * (*f - mean));
-                let State { value, critic, .. } = &mut self.state;
-                let estimate = gae::estimate(batch, &cost, value, costs.discount, costs.lambda, &mut self.pass);
-                critic.fit(value, &batch.observations, &estimate.returns, costs.fit, rng)?;
+                let (discount, lambda) = (critic.discount.get(), critic.gae_lambda.get());
+                let State { value, critic: fitted } = &mut self.state;
+                let estimate = gae::estimate(batch, &cost, value, discount, lambda, &mut self.pass);
+                fitted.fit(value, &batch.observations, &estimate.returns, critic.fit(), rng)?;
                 let gradient = surrogate.score(policy, pass, &estimate.advantages);
                 let nearby = Nearby::Rollout { advantages: estimate.advantages };
                 Ok(Measured { mmd: finite("D", mmd)?, gradient, nearby })
@@ -299,11 +292,14 @@ mod tests {
         Mimicry::new(hyperparameters, demonstration, &[16, 16], Seed(0))
     }
 
-    fn costs(discount: f64) -> Costs {
-        Costs {
-            discount,
-            lambda: 1.0,
-            fit: critic::Fit { epochs: 1, minibatch: 256, learning_rate: 1e-3, l2_penalty: 0.0 },
+    fn costs(discount: f64) -> critic::Hyperparameters {
+        critic::Hyperparameters {
+            discount: constant(discount),
+            gae_lambda: constant(1.0),
+            learning_rate: constant(1e-3),
+            l2_penalty: constant(0.0),
+            value_epochs: constant(1),
+            minibatch: constant(256),
         }
     }
 
@@ -330,7 +326,7 @@ mod tests {
         let mut pass = Pass::default();
         let surrogate = Surrogate::new(&agent.policy, &batch, &advantages, &mut pass);
         let mut rng = Seed(5).stream(Stream::Update, 0);
-        let measured = mimicry.measure(&agent, &batch, &surrogate, &mut pass, &costs(0.9), &mut rng).expect("finite");
+        let measured = mimicry.measure(&agent, &surrogate, &mut pass, &costs(0.9), &mut rng).expect("finite");
         assert_eq!(mimicry.at(&measured, &agent.policy, &[]), measured.mmd);
         assert_eq!(measured.gradient.last(), Some(&0.0), "the mean action does not know log_std");
         let direction = unit(&measured.gradient);
@@ -354,7 +350,7 @@ mod tests {
         let surrogate = Surrogate::new(&agent.policy, &batch, &advantages, &mut pass);
         let means = pass.output().into_owned();
         let mut rng = Seed(6).stream(Stream::Update, 0);
-        let measured = mimicry.measure(&agent, &batch, &surrogate, &mut pass, &costs(0.0), &mut rng).expect("finite");
+        let measured = mimicry.measure(&agent, &surrogate, &mut pass, &costs(0.0), &mut rng).expect("finite");
 
         let states = mimicry.standardizer.standardize(&batch.raw_observations);
         let direction = unit(&measured.gradient);
@@ -394,7 +390,7 @@ mod tests {
         let surrogate = Surrogate::new(&agent.policy, &batch, &advantages, &mut pass);
         let noise = &batch.actions - pass.output();
         let mut rng = Seed(7).stream(Stream::Update, 0);
-        let measured = mimicry.measure(&agent, &batch, &surrogate, &mut pass, &costs(0.99), &mut rng).expect("finite");
+        let measured = mimicry.measure(&agent, &surrogate, &mut pass, &costs(0.99), &mut rng).expect("finite");
 
         let points = stack(&mimicry.standardizer.standardize(&batch.raw_observations), &batch.actions);
         let mut by_points = DMatrix::zeros(2, N);

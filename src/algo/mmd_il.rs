@@ -13,12 +13,12 @@ use super::{
     Agent, AlgoError, Batch, OnPolicy, Update,
     definition::{About, Definition, Learner},
     finite, mimicry,
-    mimicry::{Costs, Mimicry, Samples},
+    mimicry::{Mimicry, Samples},
     operations::{Counter, Operations},
     revision::Part,
     stopwatch::Stopwatch,
     trpo,
-    trust_region::{self, KL_MARGIN, Surrogate},
+    trust_region::{self, Attempt, Surrogate, judged},
 };
 use crate::{
     demo::Demonstration,
@@ -59,9 +59,9 @@ fn operations(h: &Hyperparameters, counter: &Counter<'_>) -> Vec<Operations> {
     match h.mmd.samples {
         Samples::DemoStates => vec![("descent", mimicry::descent_operations(counter))],
         Samples::Rollout => {
-            let trials = counter.trials(h.trpo.line_search_steps);
-            let mut parts = vec![mimicry::operations(h.mmd.samples, h.trpo.value_epochs, trials, counter)];
-            parts.extend(trust_region::operations(h.trpo.fisher_samples, trials, counter));
+            let trials = counter.trials(h.trpo.region.line_search_steps);
+            let mut parts = vec![mimicry::operations(h.mmd.samples, h.trpo.critic.value_epochs, trials, counter)];
+            parts.extend(trust_region::operations(&h.trpo.region, trials, counter));
             parts
         }
     }
@@ -112,26 +112,24 @@ impl MmdIl {
     /// One trust-region step down the gradient of D.
     fn step(&mut self, batch: &Batch, rng: &mut Rng, watch: &mut Stopwatch) -> Result<Update, AlgoError> {
         let Self { hyperparameters, mimicry, agent, pass, trial_pass } = self;
-        let h = &hyperparameters.trpo;
+        let trpo::Hyperparameters { region, critic } = &hyperparameters.trpo;
         let no_advantages = vec![0.0; batch.len()];
         let surrogate = Surrogate::new(&agent.policy, batch, &no_advantages, pass);
-        let costs = Costs { discount: h.discount.get(), lambda: h.gae_lambda.get(), fit: h.critic_fit() };
-        let measured = mimicry.measure(agent, batch, &surrogate, pass, &costs, rng)?;
+        let measured = mimicry.measure(agent, &surrogate, pass, critic, rng)?;
         watch.lap("mimicry");
 
-        let solved = h.region().step(&agent.policy, &batch.observations, pass, &measured.gradient, None);
-        let step = solved.step.ok_or(AlgoError::Undefined { q: solved.q, r: solved.r, s: solved.s })?;
+        let solved = region.step(&agent.policy, &batch.observations, pass, &measured.gradient, None);
+        let step = trust_region::step_of(&solved)?;
         watch.lap("conjugate gradient");
 
-        let found = trust_region::search(&mut agent.policy, &step, h.line_search_steps.size(), |policy, _| {
+        let improved = region.improve(&mut agent.policy, step, None, |Attempt { policy, .. }| {
             let trial = surrogate.measure(policy, trial_pass);
             let mmd = mimicry.at(&measured, policy, &trial.ratios);
-            let tests = [(trial.kl <= KL_MARGIN * h.max_kl.get(), "KL"), (mmd <= measured.mmd, "D")];
-            tests.into_iter().find(|(passed, _)| !passed).map_or(Ok((trial.kl, mmd)), |(_, failed)| Err(failed))
+            judged([region.holds(&trial), (mmd <= measured.mmd, "D")], (trial.kl, mmd))
         });
         watch.lap("line search");
-        let (step_fraction, kl, mmd_after) =
-            found.map_or((0.0, 0.0, measured.mmd), |(fraction, (kl, mmd))| (fraction, kl, mmd));
+        let (step_fraction, (kl, mmd_after)) =
+            improved.map_or((0.0, (0.0, measured.mmd)), |found| (found.fraction, found.verdict));
         Ok(Update {
             kl: Some(finite("the KL", kl)?),
             mmd: Some(measured.mmd),
@@ -200,9 +198,9 @@ mod tests {
         for samples in [Samples::Rollout, Samples::DemoStates] {
             let mut hyperparameters = Hyperparameters::for_env(EnvId::Hopper);
             hyperparameters.mmd.samples = samples;
-            hyperparameters.trpo.max_kl = constant(2e-2);
-            hyperparameters.trpo.learning_rate = constant(1e-2);
-            hyperparameters.trpo.minibatch = constant(128);
+            hyperparameters.trpo.region.max_kl = constant(2e-2);
+            hyperparameters.trpo.critic.learning_rate = constant(1e-2);
+            hyperparameters.trpo.critic.minibatch = constant(128);
             hyperparameters.descent_learning_rate = constant(3e-3);
             let demonstration = bandit::demonstration(100, |s| s + 1.0);
             let mut imitation = MmdIl::new(hyperparameters, bandit::agent(0.3), &demonstration, Seed(0));

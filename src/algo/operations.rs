@@ -202,7 +202,8 @@ mod tests {
 
     #[test]
     fn trust_regions_are_what_the_update_did() {
-        let trpo = trpo::Hyperparameters { value_epochs: constant(2), ..trpo::Hyperparameters::for_env(EnvId::Ant) };
+        let mut trpo = trpo::Hyperparameters::for_env(EnvId::Ant);
+        trpo.critic.value_epochs = constant(2);
         let update = Update { cg_iterations: Some(9), step_fraction: Some(0.25), ..Update::default() };
         let parts = counted(&TRPO.with(trpo.clone()), &update);
         let expected = [
@@ -217,8 +218,8 @@ mod tests {
         let rejected = Update { step_fraction: Some(0.0), ..update };
         assert_eq!(counted(&TRPO.with(trpo.clone()), &rejected)[4], ("line search", 10.0 * 860.0));
         // Every fourth of ten samples makes three.
-        let thinned = trpo::Hyperparameters { fisher_samples: constant(3), ..trpo };
-        let products = counted(&TRPO.with(thinned), &rejected)[3];
+        trpo.region.fisher_samples = constant(3);
+        let products = counted(&TRPO.with(trpo), &rejected)[3];
         assert_eq!(products, ("Fisher products", 3.0 * (9.0 * 244.0 + 80.0)));
     }
 
@@ -226,7 +227,8 @@ mod tests {
     /// of 10 operations a pair, and two sides' gradients of 10 a pair.
     #[test]
     fn mimicry_is_measured_once_and_at_each_trial_or_descended() {
-        let h = mcpo::Hyperparameters { value_epochs: constant(2), ..mcpo::Hyperparameters::for_env(EnvId::Ant) };
+        let mut h = mcpo::Hyperparameters::for_env(EnvId::Ant);
+        h.critic.value_epochs = constant(2);
         let of = |update: Update, part: &str| {
             let parts = counted(&MCPO.with(h.clone()), &update);
             parts.iter().find(|(name, _)| *name == part).map(|(_, operations)| *operations)

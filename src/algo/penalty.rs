@@ -14,11 +14,11 @@ use super::{
     critic::{self, Critic},
     definition::{About, Definition, Learner},
     finite, gae, mimicry,
-    mimicry::{Costs, Mimicry},
+    mimicry::Mimicry,
     revision::Part,
     stopwatch::Stopwatch,
     trpo,
-    trust_region::{self, GAIN_SHARE, KL_MARGIN, Surrogate},
+    trust_region::{self, Attempt, Improved, Surrogate, judged},
 };
 use crate::{
     demo::Demonstration,
@@ -56,9 +56,9 @@ pub static PENALTY: Definition<Hyperparameters> = Definition {
         Ok(Learner::on_policy(Penalty::new(hyperparameters, agent, &demonstration, seed)))
     },
     operations: |h, counter| {
-        let trials = counter.trials(h.trpo.line_search_steps);
+        let trials = counter.trials(h.trpo.region.line_search_steps);
         let mut parts = trpo::operations(&h.trpo, counter);
-        parts.push(mimicry::operations(h.mmd.samples, h.trpo.value_epochs, trials, counter));
+        parts.push(mimicry::operations(h.mmd.samples, h.trpo.critic.value_epochs, trials, counter));
         parts
     },
 };
@@ -127,43 +127,40 @@ impl OnPolicy for Penalty {
 
     fn update(&mut self, batch: &Batch, rng: &mut Rng) -> Result<Update, AlgoError> {
         let Self { hyperparameters, mimicry, state: State { agent, critic, weight }, pass, trial_pass } = self;
-        let h = &hyperparameters.trpo;
+        let trpo::Hyperparameters { region, critic: c } = &hyperparameters.trpo;
         let mut watch = Stopwatch::start();
-        let (discount, lambda) = (h.discount.get(), h.gae_lambda.get());
+        let (discount, lambda) = (c.discount.get(), c.gae_lambda.get());
         let estimate = gae::estimate(batch, &batch.rewards, &agent.value, discount, lambda, trial_pass);
         watch.lap("advantages");
 
         let surrogate = Surrogate::new(&agent.policy, batch, &estimate.advantages, pass);
-        let costs = Costs { discount, lambda, fit: h.critic_fit() };
-        let measured = mimicry.measure(agent, batch, &surrogate, pass, &costs, rng)?;
+        let measured = mimicry.measure(agent, &surrogate, pass, c, rng)?;
         let mut g = surrogate.gradient(&agent.policy, pass);
         for (g, b) in g.iter_mut().zip(&measured.gradient) {
             *g = (*weight * f64::from(*b) - f64::from(*g)) as f32;
         }
         watch.lap("gradients");
 
-        let solved = h.region().step(&agent.policy, &batch.observations, pass, &g, None);
-        let step = solved.step.ok_or(AlgoError::Undefined { q: solved.q, r: solved.r, s: solved.s })?;
+        let solved = region.step(&agent.policy, &batch.observations, pass, &g, None);
+        let step = trust_region::step_of(&solved)?;
         watch.lap("conjugate gradient");
 
-        let promised = -solved.objective_change;
-        let found = trust_region::search(&mut agent.policy, &step, h.line_search_steps.size(), |policy, fraction| {
+        let improved = region.improve(&mut agent.policy, step, None, |Attempt { policy, fraction, .. }| {
             let trial = surrogate.measure(policy, trial_pass);
             let mmd = mimicry.at(&measured, policy, &trial.ratios);
             let gain = trial.gain - *weight * (mmd - measured.mmd);
-            let tests = [
-                (trial.kl <= KL_MARGIN * h.max_kl.get(), "KL"),
-                (gain >= GAIN_SHARE * fraction * promised, "penalised surrogate"),
-            ];
-            tests.into_iter().find(|(passed, _)| !passed).map_or(Ok((trial, mmd)), |(_, failed)| Err(failed))
+            let rises = gain >= trust_region::enough(fraction, -solved.objective_change);
+            judged([region.holds(&trial), (rises, "penalised surrogate")], (trial, mmd))
         });
         watch.lap("line search");
-        let value_loss = critic.fit(&mut agent.value, &batch.observations, &estimate.returns, h.critic_fit(), rng)?;
+        let value_loss = critic.fit(&mut agent.value, &batch.observations, &estimate.returns, c.fit(), rng)?;
         watch.lap("value");
 
         *weight *= 1.0 - hyperparameters.epsilon.get();
-        let (step_fraction, kl, gain, mmd_after) = found
-            .map_or((0.0, 0.0, 0.0, measured.mmd), |(fraction, (trial, mmd))| (fraction, trial.kl, trial.gain, mmd));
+        let (step_fraction, kl, gain, mmd_after) = improved
+            .map_or((0.0, 0.0, 0.0, measured.mmd), |Improved { fraction, verdict: (trial, mmd), .. }| {
+                (fraction, trial.kl, trial.gain, mmd)
+            });
         Ok(Update {
             kl: Some(finite("the KL", kl)?),
             entropy: Some(agent.policy.entropy()),
@@ -201,12 +198,10 @@ mod tests {
     }
 
     fn score(weight: f64) -> f64 {
-        let trpo = trpo::Hyperparameters {
-            max_kl: constant(2e-2),
-            learning_rate: constant(1e-2),
-            minibatch: constant(128),
-            ..trpo::Hyperparameters::for_env(EnvId::Hopper)
-        };
+        let mut trpo = trpo::Hyperparameters::for_env(EnvId::Hopper);
+        trpo.region.max_kl = constant(2e-2);
+        trpo.critic.learning_rate = constant(1e-2);
+        trpo.critic.minibatch = constant(128);
         let hyperparameters = Hyperparameters {
             weight: constant(weight),
             epsilon: constant(0.05),

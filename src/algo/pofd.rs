@@ -150,9 +150,9 @@ mod tests {
         hyperparameters.discriminator.learning_rate = constant(1e-2);
         hyperparameters.ppo.learning_rate = constant(3e-3);
         hyperparameters.ppo.minibatch = constant(128);
-        hyperparameters.trpo.max_kl = constant(2e-2);
-        hyperparameters.trpo.learning_rate = constant(1e-2);
-        hyperparameters.trpo.minibatch = constant(128);
+        hyperparameters.trpo.region.max_kl = constant(2e-2);
+        hyperparameters.trpo.critic.learning_rate = constant(1e-2);
+        hyperparameters.trpo.critic.minibatch = constant(128);
         let demonstration = bandit::demonstration(100, |s| s + 3.4);
         let mut pofd = pofd(hyperparameters, bandit::agent(0.5), &demonstration, Seed(0));
         let mut rng = Seed(0).stream(Stream::Update, 0);

@@ -12,14 +12,9 @@ use super::{
     operations::{Counter, Operations},
     revision::Part,
     stopwatch::Stopwatch,
-    trust_region::{self, GAIN_SHARE, KL_MARGIN, Region, Surrogate},
+    trust_region::{self, Attempt, Surrogate, TrustRegion, judged},
 };
-use crate::{
-    env::EnvId,
-    nn::Pass,
-    quantity::{Count, Discount, NonNegative, Positive, UnitInterval, constant},
-    rng::Rng,
-};
+use crate::{env::EnvId, nn::Pass, rng::Rng};
 
 /// Raise its revision when what this file computes changes.
 pub static PART: Part = Part { name: "trpo", revision: 1, uses: &[&critic::PART, &gae::PART, &trust_region::PART] };
@@ -46,8 +41,8 @@ pub static TRPO: Definition<Hyperparameters> = Definition {
 /// The operations of an update.
 pub(super) fn operations(h: &Hyperparameters, counter: &Counter<'_>) -> Vec<Operations> {
     let mut parts = vec![counter.values(), counter.surrogate_gradient()];
-    parts.extend(trust_region::operations(h.fisher_samples, counter.trials(h.line_search_steps), counter));
-    parts.push(counter.value_epochs(h.value_epochs));
+    parts.extend(trust_region::operations(&h.region, counter.trials(h.region.line_search_steps), counter));
+    parts.push(counter.value_epochs(h.critic.value_epochs));
     parts
 }
 
@@ -55,66 +50,19 @@ pub(super) fn operations(h: &Hyperparameters, counter: &Counter<'_>) -> Vec<Oper
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Hyperparameters {
-    /// delta, the bound of the mean KL of one update.
-    pub max_kl: Positive,
-    /// Added to the Fisher matrix's diagonal.
-    pub damping: NonNegative,
-    /// Products of conjugate gradient, at most.
-    pub cg_iterations: Count,
-    /// The most samples of the batch, evenly spaced, that make the Fisher matrix.
-    pub fisher_samples: Count,
-    /// Discount gamma.
-    pub discount: Discount,
-    /// GAE's lambda.
-    pub gae_lambda: UnitInterval,
-    /// Adam's step size for the value network.
-    pub learning_rate: Positive,
-    /// L2 penalty on the value network's parameters.
-    pub l2_penalty: NonNegative,
-    /// Passes of the value network over each batch.
-    pub value_epochs: Count,
-    /// Samples in a minibatch of the value network.
-    pub minibatch: Count,
-    /// Steps that the line search tries, each half the one before.
-    pub line_search_steps: Count,
+    /// The trust region.
+    #[serde(flatten)]
+    pub region: TrustRegion,
+    /// The value network and the advantages.
+    #[serde(flatten)]
+    pub critic: critic::Hyperparameters,
 }
 
 impl Hyperparameters {
     /// The defaults for `env`.
     pub fn for_env(env: EnvId) -> Self {
-        Self {
-            max_kl: constant(5e-3),
-            damping: constant(1e-2),
-            cg_iterations: constant(10),
-            fisher_samples: constant(1024),
-            discount: constant(0.99),
-            gae_lambda: constant(0.95),
-            learning_rate: constant(1e-4),
-            l2_penalty: constant(1e-3),
-            value_epochs: constant(10),
-            minibatch: constant(if env == EnvId::MountainCar { 64 } else { 1024 }),
-            line_search_steps: constant(10),
-        }
-    }
-
-    /// The trust region.
-    pub(super) fn region(&self) -> Region {
-        Region {
-            max_kl: self.max_kl.get(),
-            damping: self.damping.get(),
-            cg_iterations: self.cg_iterations.size(),
-            fisher_samples: self.fisher_samples.size(),
-        }
-    }
-
-    /// How the value network is fitted.
-    pub(super) fn critic_fit(&self) -> critic::Fit {
-        critic::Fit {
-            epochs: self.value_epochs.size(),
-            minibatch: self.minibatch.size(),
-            learning_rate: self.learning_rate.get(),
-            l2_penalty: self.l2_penalty.get(),
-        }
+        let minibatch = if env == EnvId::MountainCar { 64 } else { 1024 };
+        Self { region: TrustRegion::default(), critic: critic::Hyperparameters::with_minibatch(minibatch) }
     }
 }
 
@@ -151,9 +99,10 @@ impl OnPolicy for Trpo {
 
     fn update(&mut self, batch: &Batch, rng: &mut Rng) -> Result<Update, AlgoError> {
         let Self { hyperparameters: h, state: State { agent, critic }, pass, trial_pass } = self;
+        let Hyperparameters { region, critic: c } = h;
         let mut watch = Stopwatch::start();
-        let estimate =
-            gae::estimate(batch, &batch.rewards, &agent.value, h.discount.get(), h.gae_lambda.get(), trial_pass);
+        let (discount, lambda) = (c.discount.get(), c.gae_lambda.get());
+        let estimate = gae::estimate(batch, &batch.rewards, &agent.value, discount, lambda, trial_pass);
         watch.lap("advantages");
 
         let surrogate = Surrogate::new(&agent.policy, batch, &estimate.advantages, pass);
@@ -161,25 +110,22 @@ impl OnPolicy for Trpo {
         g.iter_mut().for_each(|g| *g = -*g);
         watch.lap("gradient");
 
-        let solved = h.region().step(&agent.policy, &batch.observations, pass, &g, None);
-        let step = solved.step.ok_or(AlgoError::Undefined { q: solved.q, r: solved.r, s: solved.s })?;
+        let solved = region.step(&agent.policy, &batch.observations, pass, &g, None);
+        let step = trust_region::step_of(&solved)?;
         watch.lap("conjugate gradient");
 
-        let promised = -solved.objective_change;
-        let found = trust_region::search(&mut agent.policy, &step, h.line_search_steps.size(), |policy, fraction| {
+        let improved = region.improve(&mut agent.policy, step, None, |Attempt { policy, fraction, .. }| {
             let trial = surrogate.measure(policy, trial_pass);
-            let tests = [
-                (trial.kl <= KL_MARGIN * h.max_kl.get(), "KL"),
-                (trial.gain >= GAIN_SHARE * fraction * promised, "surrogate"),
-            ];
-            tests.into_iter().find(|(passed, _)| !passed).map_or(Ok(trial), |(_, failed)| Err(failed))
+            let rises = trial.gain >= trust_region::enough(fraction, -solved.objective_change);
+            judged([region.holds(&trial), (rises, "surrogate")], trial)
         });
         watch.lap("line search");
 
-        let value_loss = critic.fit(&mut agent.value, &batch.observations, &estimate.returns, h.critic_fit(), rng)?;
+        let value_loss = critic.fit(&mut agent.value, &batch.observations, &estimate.returns, c.fit(), rng)?;
         watch.lap("value");
 
-        let (step_fraction, kl, gain) = found.map_or((0.0, 0.0, 0.0), |(step, trial)| (step, trial.kl, trial.gain));
+        let (step_fraction, kl, gain) =
+            improved.map_or((0.0, 0.0, 0.0), |found| (found.fraction, found.verdict.kl, found.verdict.gain));
         Ok(Update {
             kl: Some(finite("the KL", kl)?),
             entropy: Some(agent.policy.entropy()),
@@ -207,7 +153,8 @@ impl OnPolicy for Trpo {
 mod tests {
     use super::*;
     use crate::{
-        algo::bandit,
+        algo::{bandit, trust_region::KL_MARGIN},
+        quantity::constant,
         rng::{Seed, Stream},
     };
 
@@ -216,12 +163,10 @@ mod tests {
     }
 
     fn trained(iterations: usize) -> (Trpo, Vec<Update>) {
-        let hyperparameters = Hyperparameters {
-            max_kl: constant(2e-2),
-            learning_rate: constant(1e-2),
-            minibatch: constant(128),
-            ..Hyperparameters::for_env(EnvId::Hopper)
-        };
+        let mut hyperparameters = Hyperparameters::for_env(EnvId::Hopper);
+        hyperparameters.region.max_kl = constant(2e-2);
+        hyperparameters.critic.learning_rate = constant(1e-2);
+        hyperparameters.critic.minibatch = constant(128);
         let mut trpo = Trpo::new(hyperparameters, bandit::agent(0.5));
         let mut rng = Seed(0).stream(Stream::Update, 0);
         let updates = (0..iterations)

@@ -10,15 +10,16 @@
 //! warm).
 
 use nalgebra::DMatrix;
+use serde::{Deserialize, Serialize};
 
 use super::{
-    Batch,
+    AlgoError, Batch,
     operations::{Counter, Operations},
     revision::Part,
 };
 use crate::{
     nn::{Fisher, GaussianPolicy, Pass},
-    quantity::Count,
+    quantity::{Count, NonNegative, Positive, constant},
     solver::{
         ConstrainedStep, LinearConstraint, Step, Theta,
         conjugate_gradient::Limits,
@@ -38,20 +39,34 @@ pub const KL_MARGIN: f64 = 1.5;
 /// The line search wants at least this share of the gain that the linear model promised.
 pub const GAIN_SHARE: f64 = 0.1;
 
-/// The trust region, and how exactly a step in it is found.
-#[derive(Debug, Clone, Copy)]
-pub struct Region {
-    /// delta, the bound of the mean KL.
-    pub max_kl: f64,
+/// The trust region, and how exactly a step in it is found: what second-order methods let a user set of it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct TrustRegion {
+    /// delta, the bound of the mean KL of one update.
+    pub max_kl: Positive,
     /// Added to the Fisher matrix's diagonal.
-    pub damping: f64,
-    /// Conjugate gradient's products, at most.
-    pub cg_iterations: usize,
-    /// Samples of the Fisher matrix, at most.
-    pub fisher_samples: usize,
+    pub damping: NonNegative,
+    /// Products of conjugate gradient, at most, for each gradient.
+    pub cg_iterations: Count,
+    /// The most samples of the batch, evenly spaced, that make the Fisher matrix.
+    pub fisher_samples: Count,
+    /// Steps that the line search tries, each half the one before.
+    pub line_search_steps: Count,
 }
 
-impl Region {
+impl Default for TrustRegion {
+    fn default() -> Self {
+        Self {
+            max_kl: constant(5e-3),
+            damping: constant(1e-2),
+            cg_iterations: constant(10),
+            fisher_samples: constant(1024),
+            line_search_steps: constant(10),
+        }
+    }
+}
+
+impl TrustRegion {
     /// Minimises `g.x` (`g` `[policy's dim]`) in the trust region around `policy`, as far as `constraint` allows. `pass` holds
     /// `policy`'s forward pass on `observations` (`[observation_dim x n]`); where not all of them enter the Fisher matrix, it
     /// is used up.
@@ -67,8 +82,8 @@ impl Region {
         if let Some(some) = &some {
             policy.forward(some, pass);
         }
-        let mut fisher = Fisher::new(policy, some.as_ref().unwrap_or(observations), pass, self.damping);
-        constrained_step(&mut fisher, g, constraint, self.max_kl, self.limits())
+        let mut fisher = Fisher::new(policy, some.as_ref().unwrap_or(observations), pass, self.damping.get());
+        constrained_step(&mut fisher, g, constraint, self.max_kl.get(), self.limits())
     }
 
     /// The way along which b's constraint (`b` `[policy's dim]`) is met again soonest. `pass` is used up.
@@ -82,20 +97,55 @@ impl Region {
         let some = self.thinned(observations);
         let observations = some.as_ref().unwrap_or(observations);
         policy.forward(observations, pass);
-        way_back(&mut Fisher::new(policy, observations, pass, self.damping), b, self.limits())
+        way_back(&mut Fisher::new(policy, observations, pass, self.damping.get()), b, self.limits())
+    }
+
+    /// Moves `policy` by the first of 1, 1/2, 1/4 ... of `step` that `judge` accepts, in at most `line_search_steps` trials.
+    /// Where all are rejected the policy is as it was, and `None` comes back. With `corrections`, a trial that exceeds a
+    /// constraint is moved back before the step is halved, see [`line_search::backtrack_corrected`].
+    pub fn improve<V>(
+        &self,
+        policy: &mut GaussianPolicy,
+        step: &Step,
+        corrections: Option<Corrections<'_>>,
+        mut judge: impl FnMut(Attempt<'_>) -> Result<V, Refused<&'static str>>,
+    ) -> Option<Improved<V>> {
+        let start = Theta::new(policy.parameters());
+        let (most, way_back) = corrections.map(|Corrections { most, way_back }| (most, way_back)).unzip();
+        let way_back = || way_back.map(|way_back| way_back());
+        let trials = self.line_search_steps.size();
+        let found = line_search::backtrack_corrected(&start, step, trials, most.unwrap_or(0), way_back, |trial| {
+            policy.set_parameters(trial.theta.as_slice());
+            judge(Attempt { policy, fraction: trial.fraction, correctable: trial.correctable })
+        });
+        match found {
+            Search::Accepted { fraction, corrections, verdict, .. } => {
+                Some(Improved { fraction, corrections, verdict })
+            }
+            Search::Rejected { reasons } => {
+                tracing::debug!(?reasons, "the line search rejected every trial");
+                policy.set_parameters(start.as_slice());
+                None
+            }
+        }
+    }
+
+    /// The test that the real KL of `trial` is within the region, by its margin.
+    pub fn holds(&self, trial: &Trial) -> (bool, &'static str) {
+        (trial.kl <= KL_MARGIN * self.max_kl.get(), "KL")
     }
 
     /// The observations that make the Fisher matrix, where not all do.
     fn thinned(&self, observations: &DMatrix<f32>) -> Option<DMatrix<f32>> {
         let n = observations.ncols();
-        let every = spacing(n, self.fisher_samples);
+        let every = spacing(n, self.fisher_samples.size());
         // Evenly spaced: neighbours in time say nearly the same.
         (every > 1).then(|| observations.columns_with_step(0, n.div_ceil(every), every - 1).into_owned())
     }
 
     fn limits(&self) -> Limits {
         // Nothing but rounding is left below this.
-        Limits { iterations: self.cg_iterations, relative_residual: 1e-10 }
+        Limits { iterations: self.cg_iterations.size(), relative_residual: 1e-10 }
     }
 }
 
@@ -105,9 +155,9 @@ pub fn spacing(n: usize, most: usize) -> usize {
 }
 
 /// The operations of conjugate gradient, and of the policy's passes in `trials` of the line search.
-pub(super) fn operations(fisher_samples: Count, trials: f64, counter: &Counter<'_>) -> [Operations; 2] {
+pub(super) fn operations(region: &TrustRegion, trials: f64, counter: &Counter<'_>) -> [Operations; 2] {
     let &Counter { n, policy, update, .. } = counter;
-    let samples = (n / spacing(n as usize, fisher_samples.size()) as f64).ceil();
+    let samples = (n / spacing(n as usize, region.fisher_samples.size()) as f64).ceil();
     let products = update.cg_iterations.unwrap_or(0) as f64;
     let once = if products > 0.0 { policy.sensitivities } else { 0.0 };
     [
@@ -116,54 +166,56 @@ pub(super) fn operations(fisher_samples: Count, trials: f64, counter: &Counter<'
     ]
 }
 
-/// Moves `policy` by the first of 1, 1/2, 1/4 ... of `step` that `judge` accepts, in at most `trials` trials, and gives the
-/// fraction with the verdict. Where all are rejected the policy is as it was, and `None` comes back. `judge` is given each
-/// trial and its fraction, and answers with a verdict or the name of the test that failed.
-pub fn search<V>(
-    policy: &mut GaussianPolicy,
-    step: &Step,
-    trials: usize,
-    mut judge: impl FnMut(&GaussianPolicy, f64) -> Result<V, &'static str>,
-) -> Option<(f64, V)> {
-    let judge = |policy: &GaussianPolicy, fraction, _| judge(policy, fraction).map_err(Refused::Because);
-    let found = search_corrected(policy, step, trials, 0, || None, judge)?;
-    Some((found.fraction, found.verdict))
+/// A policy that the line search tries.
+pub struct Attempt<'a> {
+    /// The policy.
+    pub policy: &'a GaussianPolicy,
+    /// The fraction of the step that leads there.
+    pub fraction: f64,
+    /// Whether it can still be corrected.
+    pub correctable: bool,
 }
 
-/// Where a search ended.
+/// How trials that exceed a constraint are corrected.
+pub struct Corrections<'a> {
+    /// Corrections of one trial, at most.
+    pub most: usize,
+    /// The way along which the constraint is met again soonest; asked for once, when it is needed.
+    pub way_back: &'a mut dyn FnMut() -> WayBack,
+}
+
+/// The accepted trial of a line search.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Found<V> {
+pub struct Improved<V> {
     /// The fraction of the step that was taken.
     pub fraction: f64,
-    /// How often the accepted trial was corrected.
+    /// How often the trial was corrected.
     pub corrections: usize,
-    /// What the judge said of it.
+    /// The judge's verdict on it.
     pub verdict: V,
 }
 
-/// The same, where a trial that exceeds a constraint is corrected before the step is halved, see
-/// [`line_search::backtrack_corrected`]. `judge` is told too whether the trial is correctable.
-pub fn search_corrected<V>(
-    policy: &mut GaussianPolicy,
-    step: &Step,
-    trials: usize,
-    corrections: usize,
-    way_back: impl FnOnce() -> Option<WayBack>,
-    mut judge: impl FnMut(&GaussianPolicy, f64, bool) -> Result<V, Refused<&'static str>>,
-) -> Option<Found<V>> {
-    let start = Theta::new(policy.parameters());
-    let found = line_search::backtrack_corrected(&start, step, trials, corrections, way_back, |trial| {
-        policy.set_parameters(trial.theta.as_slice());
-        judge(policy, trial.fraction, trial.correctable)
-    });
-    match found {
-        Search::Accepted { fraction, corrections, verdict, .. } => Some(Found { fraction, corrections, verdict }),
-        Search::Rejected { reasons } => {
-            tracing::debug!(?reasons, "the line search rejected every trial");
-            policy.set_parameters(start.as_slice());
-            None
-        }
+/// The share of the linear model's promise `gain` that a trial at `fraction` of the step must keep; NaN where it is.
+pub fn enough(fraction: f64, gain: f64) -> f64 {
+    GAIN_SHARE * fraction * gain
+}
+
+/// `verdict` if every one of `tests` passes, or else the name of the first that fails. NaN fails any comparison.
+pub fn judged<V, const N: usize>(tests: [(bool, &'static str); N], verdict: V) -> Result<V, Refused<&'static str>> {
+    match tests.into_iter().find(|(passed, _)| !passed) {
+        None => Ok(verdict),
+        Some((_, failed)) => Err(Refused::Because(failed)),
     }
+}
+
+/// The step in `solved`.
+///
+/// # Errors
+///
+/// The problem has none: training diverged.
+pub fn step_of(solved: &ConstrainedStep) -> Result<&Step, AlgoError> {
+    let undefined = AlgoError::Undefined { q: solved.q, r: solved.r, s: solved.s };
+    solved.step.as_ref().ok_or(undefined)
 }
 
 /// `L(theta) = mean over the batch of (pi_theta(a|s) / pi_old(a|s)) A(s, a)`, with what the old policy made of the batch.
@@ -192,6 +244,11 @@ impl<'a> Surrogate<'a> {
         let mut old_densities = vec![0.0; batch.len()];
         policy.log_densities(pass.output(), &batch.actions, &mut old_densities);
         Self { batch, advantages, old_log_std: policy.log_std().to_vec(), old_densities }
+    }
+
+    /// The batch.
+    pub fn batch(&self) -> &'a Batch {
+        self.batch
     }
 
     /// The gradient of L at the old policy `[dim]`; `pass` is as [`new`](Surrogate::new) left it.
@@ -239,8 +296,13 @@ mod tests {
         let some = DMatrix::from_fn(1, 30, |_, i| (0.7 * i as f32).sin());
         let all = DMatrix::from_fn(1, 120, |_, i| some[i / 4]);
         let g: Vec<f32> = (0..agent.policy.dim()).map(|i| (1.3 * i as f32).cos()).collect();
-        let step = |observations: &DMatrix<f32>, fisher_samples| {
-            let region = Region { max_kl: 1e-2, damping: 1e-2, cg_iterations: 8, fisher_samples };
+        let step = |observations: &DMatrix<f32>, fisher_samples: i64| {
+            let region = TrustRegion {
+                max_kl: constant(1e-2),
+                cg_iterations: constant(8),
+                fisher_samples: constant(fisher_samples),
+                ..TrustRegion::default()
+            };
             let mut pass = Pass::default();
             agent.policy.forward(observations, &mut pass);
             region.step(&agent.policy, observations, &mut pass, &g, None)

@@ -1,6 +1,10 @@
-use super::*;
+use super::{iteration::D_MARGIN, *};
 use crate::{
-    algo::{bandit, mimicry, ppo, tolerance::Tolerance},
+    algo::{
+        bandit, ppo,
+        tolerance::Tolerance,
+        trust_region::{KL_MARGIN, TrustRegion},
+    },
     demo::Standardizer,
     env::EnvId,
     quantity::constant,
@@ -13,15 +17,15 @@ fn sparse(s: f64, a: f64) -> f64 {
 }
 
 fn hyperparameters(samples: Samples, d: f64) -> Hyperparameters {
+    let table1 = Hyperparameters::for_env(EnvId::InvertedPendulum);
     Hyperparameters {
         d: Tolerance::Absolute(constant(d)),
         epsilon: constant(0.05),
-        max_kl: constant(2e-2),
-        learning_rate: constant(1e-2),
-        minibatch: constant(128),
+        region: TrustRegion { max_kl: constant(2e-2), ..table1.region },
+        critic: critic::Hyperparameters { learning_rate: constant(1e-2), ..table1.critic },
         recovery_learning_rate: constant(3e-3),
         mmd: mimicry::Hyperparameters { samples, ..Default::default() },
-        ..Hyperparameters::for_env(EnvId::InvertedPendulum)
+        ..table1
     }
 }
 
@@ -150,7 +154,8 @@ fn a_relative_tolerance_is_a_share_of_what_doing_nothing_has() {
 fn a_step_that_falls_short_of_the_tolerance_is_followed_by_recovery() {
     let demonstration = bandit::demonstration(100, |s| s + 1.2);
     let h = hyperparameters(Samples::DemoStates, 1e-3);
-    let h = Hyperparameters { max_kl: constant(2.0), max_corrections: constant(0), ..h };
+    let region = TrustRegion { max_kl: constant(2.0), ..h.region };
+    let h = Hyperparameters { region, max_corrections: constant(0), ..h };
     let mut mcpo = Mcpo::new(h, bandit::agent(0.5), &demonstration, Seed(0));
     let updates = train(&mut mcpo, 2, |_, _| 0.0, &mut Seed(0).stream(Stream::Update, 0));
     for update in &updates {
