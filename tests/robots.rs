@@ -290,8 +290,8 @@ fn an_environment_that_the_crate_does_not_know_is_learned() {
         value: Mlp::new(&[1, 16, 1], 0.0, &mut rng),
         normalizer: Normalizer::new(1, 10.0),
     };
-    let hyperparameters =
-        trpo::Hyperparameters { minibatch: constant(128), ..trpo::Hyperparameters::for_env(EnvId::Hopper) };
+    let mut hyperparameters = trpo::Hyperparameters::for_env(EnvId::Hopper);
+    hyperparameters.critic.minibatch = constant(128);
     let mut algorithm = trpo::Trpo::new(hyperparameters, agent);
     let mut rollout = Rollout::new(tasks, Seed(0));
     let mut updates = Seed(0).stream(Stream::Update, 0);
