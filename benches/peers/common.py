@@ -32,8 +32,8 @@ class Task:
 
 
 class Clock:
-    """Reads the time at the start of training and after each iteration. The first iteration is not measured: compilation falls
-    into it, and so does the counting of passes, which hooks slow down."""
+    """Reads the time at the start of training and after each iteration. The first iteration is not measured:
+    compilation falls into it, and so does the counting of passes, which takes time."""
 
     def __init__(self):
         self.passes = Passes()
@@ -51,19 +51,26 @@ class Clock:
         return {"env_steps": last_steps - steps, "seconds": last_wall - wall, "cpu_seconds": last_cpu - cpu}
 
     def count_torch(self, policy, value):
-        """Counts the samples that pass the modules' last layers, until the first iteration ends."""
-        import torch
+        """Counts the samples that pass the modules' last layers, until the first iteration ends. A pass counts as gone
+        back once: what differentiates again is a Fisher product."""
 
         for name, layer in (("policy", policy), ("value", value)):
 
             def count(_, inputs, output, name=name):
-                kind = self.passes.gradient if torch.is_grad_enabled() else self.passes.forward
-                kind[name] += output.numel() // output.shape[-1]
+                samples = output.numel() // output.shape[-1]
+                self.passes.forward[name] += samples
+                if output.requires_grad:
+
+                    def count_back(_):
+                        handle.remove()
+                        self.passes.back[name] += samples
+
+                    handle = output.register_hook(count_back)
 
             self.hooks.append(layer.register_forward_hook(count).remove)
 
     def count_calls(self, owner, product):
-        """Counts the calls of the method named `product` of `owner` as Fisher products on the whole rollout, likewise."""
+        """Counts the calls of `owner`'s method named `product` as Fisher products on the whole rollout, likewise."""
         original = getattr(owner, product)
         self.passes.fisher_samples = ROLLOUT
 

@@ -2,8 +2,8 @@
 
     python benches/peers/compare.py [--env HalfCheetah Hopper Ant] [--minibatch 1024] [--rounds 3] [--core 0]
 
-with the Python that setup.sh made and named. Speeds are steps a second of CPU time, medians over the rounds; each round starts every
-program anew. A peer that is not installed, or that fails, has its row say so.
+with the Python that setup.sh made and named. Speeds are steps a second of CPU time, medians over the rounds; each
+round starts every program anew. A peer that is not installed, or that fails, has its row say so.
 """
 
 import argparse
@@ -21,7 +21,7 @@ ROOT = HERE.parent.parent
 ONE_THREAD = dict.fromkeys(["OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"], "1")
 ONE_THREAD["TORCHINDUCTOR_COMPILE_THREADS"] = "1"
 ENVIRONMENTS = 8
-# The same work as the peers do: not the defaults, which take shorter rollouts and leave samples out of the Fisher matrix.
+# The same work as the peers do: not the defaults, which take shorter rollouts and fewer samples for the Fisher matrix.
 SAME_WORK = {
     "ppo": ["algorithms.ppo.minibatch={minibatch}", "algorithms.ppo.epochs=10"],
     "mcpo": [
@@ -61,7 +61,7 @@ def peers(algorithm):
 
 
 class Machine:
-    """One core, and a folder for what the programs leave behind where they run: MuJoCo a log, torch what it compiled."""
+    """One core, and a folder for what programs leave behind where they run: MuJoCo a log, torch what it compiled."""
 
     def __init__(self, core, folder):
         self.core, self.folder = core, folder

@@ -1,4 +1,4 @@
-"""What the two lean programs share: the physics, a rollout's memory and its advantages, all with as little as possible around."""
+"""What the two lean programs share: the physics, a rollout's memory and its advantages, with as little as possible around."""
 
 import numpy as np
 
@@ -77,8 +77,9 @@ class Buffer:
         self.ends = np.zeros(shape, bool)
 
     def collect(self, env, observations, act, value):
-        """Steps until the rollout is full; gives the observations after it. `act(t, observations)` is an action, its log density and a
-        value for each environment, `value(observations)` the value alone, of as many: it counts on where an episode was cut."""
+        """Steps until the rollout is full; gives the observations after it. `act(t, observations)` is an action, its log
+        density and a value for each environment, `value(observations)` the values alone, which an episode cut short
+        goes on with."""
         for t in range(len(self.observations)):
             self.observations[t] = observations
             self.actions[t], self.log_densities[t], self.values[t] = act(t, observations)
@@ -103,7 +104,8 @@ class Buffer:
 
 
 def passes(task, epochs):
-    """Of one iteration of a lean program: compiled code cannot be hooked, and this is how it is written. Episodes' cuts, which cost
-    a value of all environments each, fall out of a rollout by thousands of steps and are left out."""
-    samples = {"policy": ROLLOUT * epochs, "value": ROLLOUT * epochs}
-    return Passes(forward={"policy": ROLLOUT, "value": ROLLOUT + task.environments}, gradient=samples)
+    """Of one iteration of a lean program: compiled code cannot be hooked, and this is how it is written. Episodes cut
+    short, each of which costs a value of every environment, are one in a thousand steps and left out."""
+    update = ROLLOUT * epochs
+    forward = {"policy": ROLLOUT + update, "value": ROLLOUT + task.environments + update}
+    return Passes(forward=forward, back={"policy": update, "value": update})

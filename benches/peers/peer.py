@@ -1,7 +1,7 @@
 """One run of a peer on one core, timed as `mcpo-run bench` times ours: compare.py calls it.
 
-Prints JSON: environment steps, and the seconds of the iterations after the first by the wall's clock and on the core, with what
-an iteration computed; or which package is `missing`.
+Prints JSON: environment steps, and the seconds of the iterations after the first by the wall's clock and on the
+core, with what an iteration computed; or which package is `missing`.
 """
 
 import argparse

@@ -21,13 +21,14 @@ def train(task, clock):
     update = model._one_update
 
     def counted(**batch):
-        for network in clock.passes.gradient:
-            clock.passes.gradient[network] += len(batch["observations"])
+        for passes in (clock.passes.forward, clock.passes.back):
+            for network in passes:
+                passes[network] += len(batch["observations"])
         return update(**batch)
 
     model._one_update = counted
     clock.hooks.append(lambda: setattr(model, "_one_update", update))
-    # Compiled passes cannot be hooked: one of each network for a step of the rollout, and one for the values after the last.
+    # The rollout's passes are compiled and cannot be hooked: one of each network a step, and values after the last.
     clock.passes.forward = {"policy": ROLLOUT, "value": ROLLOUT + task.environments}
     model.learn(task.timesteps, callback=Iterations(clock, settle))
     return shapes(model)
