@@ -230,6 +230,36 @@ fn what_is_recorded_needs_neither_file() {
     assert!(text.contains("to the bit") || text.contains("reproduced"), "{text}");
 }
 
+#[test]
+fn the_documentation_says_what_the_program_does() {
+    let source = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let text = fs::read_to_string(source.join("experiments/environments.md")).expect("it is there");
+    let blocks: Vec<&str> =
+        text.split("```toml\n").skip(1).map(|block| block.split("```").next().unwrap_or_default()).collect();
+    let path = source.join("examples/robot/documented.toml");
+    spec::parse(&path, blocks[0], &Overrides::default()).expect("the first example is a matrix file");
+    let hopper = fs::read_to_string(source.join("src/env/robots/hopper.toml")).expect("it ships");
+    assert_eq!(blocks[1], hopper);
+
+    let schema = schemars_of_robot();
+    for key in schema["properties"].as_object().expect("keys").keys() {
+        assert!(text.contains(&format!("\n| `{key}` |")), "no row of `{key}`");
+    }
+    for env in EnvId::shipped() {
+        let spaces = env.spaces().expect("a model that loads");
+        let reward = toml::Value::try_from(env.default_reward()).expect("a reward").to_string();
+        let row = text.lines().find(|line| line.starts_with(&format!("| `{env}`"))).expect("a row");
+        let columns = format!("| {} | {} | `", spaces.observation_dim, spaces.action_dim);
+        let kind = reward.trim_matches(['{', ' ', '"']).split(['"', ' ']).next().unwrap_or_default();
+        assert!(row.contains(&columns) && row.contains(kind), "{row}: {columns}{reward}");
+    }
+}
+
+/// The schema of a robot's table.
+fn schemars_of_robot() -> serde_json::Value {
+    schemars::schema_for!(mcpo_run::env::robot::Robot).to_value()
+}
+
 /// A corridor: the position is observed, the action moves it, and its end is the goal.
 struct Corridor {
     position: f64,

@@ -12,6 +12,10 @@ use super::{
 };
 use crate::{env::EnvId, measured::Measure};
 
+/// What an editor takes for the name of a robot of one's own: one without a Gym version at its end, where a mistake in the
+/// name of an environment that ships is likelier. The parser, which knows the robots, is not so strict.
+const OWN: &str = "^(?!.*-v[0-9]+$)[A-Za-z0-9_-][A-Za-z0-9._-]{0,99}$";
+
 /// The JSON Schema (draft 2020-12) of a matrix file: every key with its documentation.
 pub fn schema() -> Value {
     let catalog = Catalog::get();
@@ -28,13 +32,12 @@ pub fn schema() -> Value {
     environment.insert("algorithms".into(), algorithms.clone());
     let mut robot = environment.clone();
     robot.extend(properties(catalog.robot.schema(&[]).unwrap_or(&Value::Null)));
-    let mut robot = object("A robot of one's own, with settings and hyperparameters for it alone", robot);
-    robot["required"] = catalog.robot.required().collect();
+    let robot = object("A robot of one's own, with settings and hyperparameters for it alone", robot);
     let environment = object("Settings and hyperparameters for one environment alone", environment);
     let environments = EnvId::known().map(|(name, _)| (name.to_owned(), environment.clone())).collect();
     let mut environments =
         object("Settings by the environment's name, Gym's or the paper's, or one's own", environments);
-    environments["additionalProperties"] = robot;
+    environments["patternProperties"] = json!({ (OWN): robot });
 
     let mut file = settings;
     let text = |description: &str| json!({ "type": "string", "description": description });
@@ -87,7 +90,7 @@ fn block() -> Value {
     keys.insert("seed".into(), values("Seeds", json!({ "type": "integer", "minimum": 0, "maximum": i64::MAX })));
     keys.insert(
         "env".into(),
-        values("Environments", json!({ "anyOf": [{ "enum": environments }, { "type": "string" }] })),
+        values("Environments", json!({ "anyOf": [{ "enum": environments }, { "type": "string", "pattern": OWN }] })),
     );
     let algorithms: Vec<&str> = Algorithm::names().collect();
     keys.insert("algorithm".into(), values("Algorithms", json!({ "enum": algorithms })));

@@ -149,8 +149,8 @@ fn known(schema: &Value, value: &toml::Value, path: &str) {
 
 /// Why `value` is not what `schema` allows, by the keywords that the schema uses; any other is an error of the test.
 fn flaw(schema: &Value, value: &Value) -> Option<String> {
-    const ANNOTATIONS: [&str; 7] =
-        ["description", "title", "default", "$schema", "format", "items", "additionalProperties"];
+    const ANNOTATIONS: [&str; 8] =
+        ["description", "title", "default", "$schema", "format", "items", "additionalProperties", "patternProperties"];
     if *schema == Value::Bool(false) {
         return Some(format!("{value} may not stand here"));
     }
@@ -185,6 +185,9 @@ fn flaw(schema: &Value, value: &Value) -> Option<String> {
                     value.as_array().is_some_and(|list| list.iter().enumerate().any(|(i, one)| list[..i].contains(one)))
                 }
                 "required" => value.is_object() && names(rule).iter().any(|key| value.get(key).is_none()),
+                "pattern" if rule.as_str().is_some_and(|pattern| pattern.contains("-v[0-9]")) => {
+                    value.as_str().is_some_and(has_version)
+                }
                 "pattern" => {
                     value.as_str().is_some_and(|text| text.contains('/') || text.starts_with('.') || text.is_empty())
                 }
@@ -207,9 +210,21 @@ fn flaw(schema: &Value, value: &Value) -> Option<String> {
         })
         .or_else(|| {
             let closed = schema["additionalProperties"] == false;
-            let unknown = value.as_object()?.keys().find(|key| closed && schema["properties"].get(key).is_none())?;
-            Some(format!("unknown {unknown}"))
+            let unknown = |(key, value): (&String, &Value)| {
+                let named = schema["patternProperties"].as_object().and_then(|patterns| patterns.values().next());
+                match named.filter(|_| !has_version(key)) {
+                    _ if !closed || schema["properties"].get(key).is_some() => None,
+                    Some(named) => flaw(named, value),
+                    None => Some(format!("unknown {key}")),
+                }
+            };
+            value.as_object()?.iter().find_map(unknown)
         })
+}
+
+/// Whether `name` ends in a Gym version.
+fn has_version(name: &str) -> bool {
+    name.rsplit_once("-v").is_some_and(|(_, number)| number.parse::<u32>().is_ok())
 }
 
 /// Mistakes that only the whole of a file shows, or that are no matter of types.
@@ -254,6 +269,11 @@ fn an_editor_finds_what_the_parser_finds() {
     for name in ["ablation", "ci", "comparison", "demos", "smoke"] {
         let text = std::fs::read_to_string(format!("experiments/{name}.toml")).expect("it is there");
         assert_eq!(flaw(&schema, &json(&text).expect("TOML")), None, "{name}");
+    }
+    let own = std::fs::read_to_string("examples/robot/robot.toml").expect("it is there");
+    assert_eq!(flaw(&schema, &json(&own).expect("TOML")), None);
+    for (from, to) in [("frame_skip", "frame_skpi"), ("clip = 10", "clip = -1"), ("alive = 1.0", "alife = 1.0")] {
+        assert!(flaw(&schema, &json(&own.replace(from, to)).expect("TOML")).is_some(), "{to}");
     }
     for (line, allowed) in [
         ("env = [\"Pendulum-v2\"]\nalgorithm = [\"ppo\"]", true),
