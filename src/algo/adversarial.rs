@@ -22,7 +22,7 @@ pub struct Adversarial {
     pub task: f64,
     /// Weight of the discriminator's.
     pub imitation: f64,
-    /// What improves the policy on these rewards.
+    /// The algorithm that improves the policy on these rewards.
     pub inner: Box<dyn OnPolicy>,
 }
 

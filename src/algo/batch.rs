@@ -26,16 +26,16 @@ pub struct Batch {
 pub struct Segment {
     /// Its samples.
     pub range: Range<usize>,
-    /// What comes after its last sample.
+    /// How it goes on after its last sample.
     pub end: SegmentEnd,
 }
 
-/// What comes after a segment.
+/// How an episode goes on after a segment of it.
 #[derive(Debug, Clone, PartialEq)]
 pub enum SegmentEnd {
-    /// Nothing: the episode terminated, and its return is complete.
+    /// Not at all: the episode terminated, and its return is complete.
     Terminated,
-    /// More: the time limit or the rollout's end cut it, so the value of what came next stands in.
+    /// Further, had the time limit or the rollout's end not cut it: the value of the next state stands in for the rest.
     Bootstrapped {
         /// The normalised observation after the last action `[observation_dim]`.
         last_observation: Vec<f32>,

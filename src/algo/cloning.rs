@@ -58,11 +58,11 @@ pub struct Hyperparameters {
     pub learning_rate: Positive,
     /// Samples in a minibatch. The paper's 1024 would be one step an epoch on a demonstration of 1,000.
     pub minibatch: Count,
-    /// What is minimised.
+    /// The loss that is minimised.
     pub loss: Loss,
 }
 
-/// What behaviour cloning minimises.
+/// The loss of behaviour cloning.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Loss {
@@ -83,7 +83,9 @@ impl Hyperparameters {
 /// then keeps. The value network is left as it is: a demonstration holds no sparse returns.
 /// Calls `epoch` with the loss (over the whole demonstration) after each epoch.
 ///
-/// Errors: the loss is no longer finite.
+/// # Errors
+///
+/// The loss is no longer finite.
 pub fn clone_behaviour(
     hyperparameters: &Hyperparameters,
     demonstration: &Demonstration,
@@ -121,7 +123,7 @@ pub fn clone_behaviour(
     Ok(())
 }
 
-/// What `agent` has of `demonstration`: the loss on all of it.
+/// The loss of `agent` on all of `demonstration`.
 pub fn loss_of(loss_kind: Loss, agent: &Agent, demonstration: &Demonstration, pass: &mut Pass) -> f64 {
     let observations = agent.normalizer.normalize_columns(&demonstration.observations);
     let actions = demonstration.actions.map(|action| action as f32);
@@ -162,7 +164,7 @@ fn loss(
 mod tests {
     use super::*;
     use crate::{
-        algo::{bandit, reference},
+        algo::{one_step, reference},
         rng::{Seed, Stream},
     };
 
@@ -173,9 +175,9 @@ mod tests {
             loss,
             ..Hyperparameters::for_env(EnvId::Hopper)
         };
-        let mut agent = bandit::agent(0.5);
+        let mut agent = one_step::agent(0.5);
         let mut losses = Vec::new();
-        let demonstration = bandit::demonstration(200, |s| 0.5 * s - 1.0);
+        let demonstration = one_step::demonstration(200, |s| 0.5 * s - 1.0);
         let mut rng = Seed(0).stream(Stream::Pretraining, 0);
         clone_behaviour(&hyperparameters, &demonstration, &mut agent, &mut rng, |_, loss, _| losses.push(loss))
             .expect("finite");
@@ -187,15 +189,15 @@ mod tests {
         for loss in [Loss::Mse, Loss::Nll] {
             let (losses, agent) = cloned(loss);
             assert_eq!(losses.len(), 100);
-            let likeness = |agent| bandit::score(agent, |s, a| -(a - 0.5 * s + 1.0).powi(2));
-            let (before, after) = (likeness(&bandit::agent(0.5)), likeness(&agent));
+            let likeness = |agent| one_step::score(agent, |s, a| -(a - 0.5 * s + 1.0).powi(2));
+            let (before, after) = (likeness(&one_step::agent(0.5)), likeness(&agent));
             assert!(before < -1.0 && after > -0.003, "{loss:?}: from {before} to {after}");
         }
     }
 
     #[test]
     fn only_the_likelihood_learns_the_standard_deviation() {
-        assert_eq!(cloned(Loss::Mse).1.policy.log_std(), bandit::agent(0.5).policy.log_std());
+        assert_eq!(cloned(Loss::Mse).1.policy.log_std(), one_step::agent(0.5).policy.log_std());
         assert!(cloned(Loss::Nll).1.policy.log_std()[0] < -1.0);
     }
 
@@ -207,7 +209,7 @@ mod tests {
             actions: reference::columns(&reference.actions),
             terminated: vec![false; 12],
             truncated: vec![false; 12],
-            ..bandit::demonstration(12, |s| s)
+            ..one_step::demonstration(12, |s| s)
         };
         let actions = demonstration.actions.map(|action| action as f32);
         for (kind, expected) in [(Loss::Mse, &reference.cloning.mse), (Loss::Nll, &reference.cloning.nll)] {
@@ -237,9 +239,10 @@ mod tests {
     #[test]
     fn an_action_that_is_not_a_number_is_an_error() {
         let hyperparameters = Hyperparameters::for_env(EnvId::Hopper);
-        let demonstration = bandit::demonstration(10, |_| f64::NAN);
+        let demonstration = one_step::demonstration(10, |_| f64::NAN);
         let mut rng = Seed(0).stream(Stream::Pretraining, 0);
-        let result = clone_behaviour(&hyperparameters, &demonstration, &mut bandit::agent(0.5), &mut rng, |_, _, _| {});
+        let result =
+            clone_behaviour(&hyperparameters, &demonstration, &mut one_step::agent(0.5), &mut rng, |_, _, _| {});
         assert!(matches!(result, Err(AlgoError::Diverged { .. })));
     }
 }

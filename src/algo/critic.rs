@@ -15,7 +15,7 @@ use crate::{
 /// Raise its revision when what this file computes changes.
 pub static PART: Part = Part { name: "critic", revision: 1, uses: &[] };
 
-/// What second-order methods let a user set of the value network, and of the advantages it is the baseline of.
+/// The value network of a second-order method, and the advantages whose baseline it is.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Hyperparameters {
     /// Discount gamma.
@@ -95,7 +95,9 @@ impl Critic {
     /// Fits `value` to `returns` (`[n]`) at `observations` (`[observation_dim x n]`) by minibatches of the mean squared error,
     /// with the L2 penalty. Gives the mean squared error over the last epoch, each minibatch before its step.
     ///
-    /// Errors: the loss is no longer finite.
+    /// # Errors
+    ///
+    /// The loss is no longer finite.
     pub fn fit(
         &mut self,
         value: &mut Mlp,

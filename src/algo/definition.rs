@@ -1,4 +1,4 @@
-//! What an algorithm is, said once, beside its code.
+//! The form in which an algorithm says what it is, once, beside its code.
 //!
 //! Owns the form of it: a [`Definition`], which each algorithm's file fills in and the [catalogue](super::catalogue) lists.
 //! The matrix format, the schema, training, `plan`'s costs, `bench` and the reports ask it and name no algorithm. Start at
@@ -31,7 +31,7 @@ pub struct Definition<H: 'static> {
     pub operations: fn(&H, &Counter<'_>) -> Vec<Operations>,
 }
 
-/// What must be known of an algorithm before it runs.
+/// The facts about an algorithm that others decide by before it runs.
 #[derive(Debug)]
 pub struct About {
     /// Its name in matrices, folders and records: lower-case letters, digits and `_`.
@@ -78,7 +78,7 @@ impl Start {
     }
 }
 
-/// What a run does.
+/// The ways in which a run comes to its last policy.
 pub enum Learner {
     /// Learns from its own rollouts.
     OnPolicy(Box<dyn OnPolicy>),
@@ -95,7 +95,7 @@ impl Learner {
     }
 }
 
-/// What the hyperparameters of an algorithm must be; every type that is it has this trait.
+/// Hyperparameters that a matrix can set and a record can hold; every type that can be has this trait.
 pub trait Tunable:
     fmt::Debug + Clone + Serialize + DeserializeOwned + schemars::JsonSchema + Send + Sync + 'static
 {

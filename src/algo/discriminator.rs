@@ -71,7 +71,9 @@ impl Discriminator {
     /// Takes its steps on `batch` against the demonstration, and gives the loss before the last of them:
     /// `-mean log D` on the agent's pairs, minus `mean log(1 - D)` on the demonstration's.
     ///
-    /// Errors: the loss is no longer finite.
+    /// # Errors
+    ///
+    /// The loss is no longer finite.
     pub fn update(&mut self, batch: &Batch, normalizer: &Normalizer) -> Result<f64, AlgoError> {
         let agent = stack(&batch.observations, &batch.actions);
         let demonstration = stack(&normalizer.normalize_columns(&self.observations), &self.actions);
@@ -115,7 +117,9 @@ impl Discriminator {
 
     /// Puts back what [`save`](Discriminator::save) gave.
     ///
-    /// Errors: the bytes are of another state.
+    /// # Errors
+    ///
+    /// The bytes are of another state.
     pub fn restore(&mut self, state: &[u8]) -> Result<(), AlgoError> {
         self.state = super::from_bytes("the discriminator", state)?;
         Ok(())
@@ -137,7 +141,7 @@ mod tests {
     use crate::{
         algo::{
             adversarial::Adversarial,
-            bandit,
+            one_step,
             ppo::{self, Ppo},
             reference,
         },
@@ -159,7 +163,7 @@ mod tests {
         let demonstration = Demonstration {
             observations: reference::columns(&expected.demonstration_observations),
             actions: reference::columns(&expected.demonstration_actions),
-            ..bandit::demonstration(7, |s| s)
+            ..one_step::demonstration(7, |s| s)
         };
         let hyperparameters = Hyperparameters { learning_rate: constant(1e-2), updates: constant(1) };
         let mut discriminator = Discriminator::new(hyperparameters, &demonstration, &reference::HIDDEN, Seed(0));
@@ -175,11 +179,11 @@ mod tests {
 
     #[test]
     fn it_tells_the_agent_from_the_demonstration_and_rewards_the_latter() {
-        let agent = bandit::agent(0.3);
-        let demonstration = bandit::demonstration(200, |s| s + 1.0);
+        let agent = one_step::agent(0.3);
+        let demonstration = one_step::demonstration(200, |s| s + 1.0);
         let hyperparameters = Hyperparameters { learning_rate: constant(1e-2), updates: constant(1) };
         let mut discriminator = Discriminator::new(hyperparameters, &demonstration, &[16], Seed(0));
-        let batch = bandit::batch(&agent, 400, |_, _| 0.0, &mut Seed(0).stream(Stream::Action, 0));
+        let batch = one_step::batch(&agent, 400, |_, _| 0.0, &mut Seed(0).stream(Stream::Action, 0));
         let first = discriminator.update(&batch, &agent.normalizer).expect("finite");
         discriminator.hyperparameters.updates = constant(100);
         let last = discriminator.update(&batch, &agent.normalizer).expect("finite");

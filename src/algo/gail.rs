@@ -88,7 +88,7 @@ pub fn gail(hyperparameters: Hyperparameters, agent: Agent, demonstration: &Demo
 mod tests {
     use super::*;
     use crate::{
-        algo::{OnPolicy, bandit},
+        algo::{OnPolicy, one_step},
         quantity::constant,
         rng::Stream,
     };
@@ -100,15 +100,15 @@ mod tests {
         hyperparameters.trpo.region.max_kl = constant(2e-2);
         hyperparameters.trpo.critic.learning_rate = constant(1e-2);
         hyperparameters.trpo.critic.minibatch = constant(128);
-        let demonstration = bandit::demonstration(100, |s| s + 1.0);
-        let mut gail = gail(hyperparameters, bandit::agent(0.5), &demonstration, Seed(0));
+        let demonstration = one_step::demonstration(100, |s| s + 1.0);
+        let mut gail = gail(hyperparameters, one_step::agent(0.5), &demonstration, Seed(0));
         gail.imitation *= imitation;
         let mut rng = Seed(0).stream(Stream::Update, 0);
         for _ in 0..150 {
-            let batch = bandit::batch(gail.agent(), 512, |_, a| -a, &mut rng);
+            let batch = one_step::batch(gail.agent(), 512, |_, a| -a, &mut rng);
             gail.update(&batch, &mut rng).expect("finite");
         }
-        bandit::score(gail.agent(), |s, a| (a - s - 1.0).abs())
+        one_step::score(gail.agent(), |s, a| (a - s - 1.0).abs())
     }
 
     #[test]

@@ -20,7 +20,7 @@
 //! then met at the start alone, goes on far below the bound, as the appendix has it ("as much as possible"): on the edge of a
 //! loose bound the policy may be one that never meets a reward.
 //!
-//! What the appendix leaves open, and what is done here: `c = d_k - D(theta_k)`; D is MMD^2; the line search halves the step
+//! Choices where the appendix leaves them open: `c = d_k - D(theta_k)`; D is MMD^2; the line search halves the step
 //! until the real KL, the real surrogate and the real D agree with it; advantages are not normalised; the value network is
 //! fitted after the policy's step, so that advantages come from a network that has not seen the batch; the tolerance grows in
 //! iterations of recovery too. Table 1's batch is read as the steps of an iteration (`rollout.steps`), since d grows by the

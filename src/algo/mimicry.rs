@@ -93,7 +93,7 @@ pub struct Measured {
     nearby: Nearby,
 }
 
-/// What a descent on D did.
+/// The course of a descent on D.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Descent {
     /// D at its start.
@@ -188,7 +188,9 @@ impl Mimicry {
     /// Eq. (13) at the demonstration's states: moves `agent`'s policy down D by at most `steps` steps of Adam, until D is
     /// at most `enough`.
     ///
-    /// Errors: D is no longer finite.
+    /// # Errors
+    ///
+    /// D is no longer finite.
     pub fn descend(
         &mut self,
         agent: &mut Agent,
@@ -226,7 +228,9 @@ impl Mimicry {
 
     /// Puts back what [`save`](Mimicry::save) gave.
     ///
-    /// Errors: the bytes are of another state.
+    /// # Errors
+    ///
+    /// The bytes are of another state.
     pub fn restore(&mut self, state: &[u8]) -> Result<(), AlgoError> {
         self.state = super::from_bytes("the mimicry constraint", state)?;
         Ok(())
@@ -283,7 +287,7 @@ fn kernel(n: f64, counter: &Counter<'_>) -> f64 {
 mod tests {
     use super::*;
     use crate::{
-        algo::{Segment, SegmentEnd, bandit},
+        algo::{Segment, SegmentEnd, one_step},
         solver::dot,
     };
 
@@ -318,10 +322,10 @@ mod tests {
 
     #[test]
     fn at_the_demonstrations_states_b_is_the_slope_of_d() {
-        let demonstration = bandit::demonstration(40, |s| 0.8 * s + 0.5);
-        let agent = bandit::agent(0.5);
+        let demonstration = one_step::demonstration(40, |s| 0.8 * s + 0.5);
+        let agent = one_step::agent(0.5);
         let mut mimicry = mimicry(Samples::DemoStates, &demonstration);
-        let batch = bandit::batch(&agent, 64, |_, _| 0.0, &mut Seed(5).stream(Stream::Action, 0));
+        let batch = one_step::batch(&agent, 64, |_, _| 0.0, &mut Seed(5).stream(Stream::Action, 0));
         let advantages = vec![0.0; 64];
         let mut pass = Pass::default();
         let surrogate = Surrogate::new(&agent.policy, &batch, &advantages, &mut pass);
@@ -341,10 +345,10 @@ mod tests {
     #[test]
     fn from_a_rollout_b_is_the_slope_of_d_measured_anew() {
         const N: usize = 6000;
-        let demonstration = bandit::demonstration(200, |s| 0.8 * s + 0.5);
-        let agent = bandit::agent(0.5);
+        let demonstration = one_step::demonstration(200, |s| 0.8 * s + 0.5);
+        let agent = one_step::agent(0.5);
         let mut mimicry = mimicry(Samples::Rollout, &demonstration);
-        let batch = bandit::batch(&agent, N, |_, _| 0.0, &mut Seed(6).stream(Stream::Action, 0));
+        let batch = one_step::batch(&agent, N, |_, _| 0.0, &mut Seed(6).stream(Stream::Action, 0));
         let advantages = vec![0.0; N];
         let mut pass = Pass::default();
         let surrogate = Surrogate::new(&agent.policy, &batch, &advantages, &mut pass);
@@ -374,10 +378,10 @@ mod tests {
     #[test]
     fn an_episodes_end_is_neither_a_gain_nor_a_loss() {
         const N: usize = 8000;
-        let demonstration = bandit::demonstration(200, |_| 1.5);
-        let agent = bandit::agent(0.5);
+        let demonstration = one_step::demonstration(200, |_| 1.5);
+        let agent = one_step::agent(0.5);
         let mut mimicry = mimicry(Samples::Rollout, &demonstration);
-        let mut batch = bandit::batch(&agent, N, |_, _| 0.0, &mut Seed(7).stream(Stream::Action, 0));
+        let mut batch = one_step::batch(&agent, N, |_, _| 0.0, &mut Seed(7).stream(Stream::Action, 0));
         batch.segments.clear();
         let mut start = 0;
         for end in (1..=N).filter(|&end| batch.actions[(0, end - 1)] > 0.3) {
@@ -406,8 +410,8 @@ mod tests {
 
     #[test]
     fn recovery_reaches_the_tolerance_and_stops_there() {
-        let demonstration = bandit::demonstration(40, |s| 0.8 * s + 0.5);
-        let mut agent = bandit::agent(0.5);
+        let demonstration = one_step::demonstration(40, |s| 0.8 * s + 0.5);
+        let mut agent = one_step::agent(0.5);
         let mut mimicry = mimicry(Samples::DemoStates, &demonstration);
         let descent = mimicry.descend(&mut agent, 1e-4, 2000, 3e-3).expect("finite");
         assert!(descent.steps > 10 && descent.steps < 2000 && descent.after <= 1e-4, "{descent:?}");

@@ -186,7 +186,7 @@ impl OnPolicy for MmdIl {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{algo::bandit, rng::Stream};
+    use crate::{algo::one_step, rng::Stream};
 
     /// How near the mean action is to the demonstration's.
     fn likeness(s: f64, a: f64) -> f64 {
@@ -202,17 +202,17 @@ mod tests {
             hyperparameters.trpo.critic.learning_rate = constant(1e-2);
             hyperparameters.trpo.critic.minibatch = constant(128);
             hyperparameters.descent_learning_rate = constant(3e-3);
-            let demonstration = bandit::demonstration(100, |s| s + 1.0);
-            let mut imitation = MmdIl::new(hyperparameters, bandit::agent(0.3), &demonstration, Seed(0));
-            let before = bandit::score(imitation.agent(), likeness);
+            let demonstration = one_step::demonstration(100, |s| s + 1.0);
+            let mut imitation = MmdIl::new(hyperparameters, one_step::agent(0.3), &demonstration, Seed(0));
+            let before = one_step::score(imitation.agent(), likeness);
             let mut rng = Seed(0).stream(Stream::Update, 0);
             let updates: Vec<Update> = (0..60)
                 .map(|_| {
-                    let batch = bandit::batch(imitation.agent(), 512, |_, _| 0.0, &mut rng);
+                    let batch = one_step::batch(imitation.agent(), 512, |_, _| 0.0, &mut rng);
                     imitation.update(&batch, &mut rng).expect("finite")
                 })
                 .collect();
-            let after = bandit::score(imitation.agent(), likeness);
+            let after = one_step::score(imitation.agent(), likeness);
             assert!(before < -1.0 && after > -0.1, "{samples:?}: from {before} to {after}");
             let (first, last) = (updates[0].mmd, updates[59].mmd);
             assert!(last < first.map(|mmd| 0.2 * mmd), "{samples:?}: D from {first:?} to {last:?}");

@@ -6,8 +6,6 @@
 
 pub mod adversarial;
 mod algorithm;
-#[cfg(test)]
-mod bandit;
 pub mod batch;
 pub mod catalogue;
 pub mod cloning;
@@ -19,6 +17,8 @@ pub mod gail;
 pub mod mcpo;
 pub mod mimicry;
 pub mod mmd_il;
+#[cfg(test)]
+mod one_step;
 pub mod operations;
 pub mod penalty;
 pub mod pofd;
@@ -44,7 +44,7 @@ use crate::{
     rng::Rng,
 };
 
-/// What learns: a policy, a value network, and the normaliser of both networks' inputs.
+/// The learner's parameters: a policy, a value network, and the normaliser of both networks' inputs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Agent {
     /// The policy.
@@ -63,7 +63,7 @@ impl Agent {
     }
 }
 
-/// What can go wrong in an update.
+/// An error of an algorithm.
 #[derive(Debug, thiserror::Error)]
 pub enum AlgoError {
     /// A number stopped being one.
@@ -89,7 +89,7 @@ pub enum AlgoError {
     State {
         /// The algorithm's name.
         algorithm: &'static str,
-        /// What the reader said.
+        /// The reader's error.
         source: postcard::Error,
     },
     /// An algorithm takes a demonstration that its definition does not ask for.
@@ -111,7 +111,9 @@ pub trait OnPolicy: Send {
 
     /// Improves the policy on one batch. `rng` is the stream of updates.
     ///
-    /// Errors: a loss or parameter is no longer finite.
+    /// # Errors
+    ///
+    /// A loss or parameter is no longer finite.
     fn update(&mut self, batch: &Batch, rng: &mut Rng) -> Result<Update, AlgoError>;
 
     /// Everything the next update depends on, the agent included.
@@ -119,11 +121,13 @@ pub trait OnPolicy: Send {
 
     /// Puts back what [`save`](OnPolicy::save) gave.
     ///
-    /// Errors: the bytes are of another algorithm or shape.
+    /// # Errors
+    ///
+    /// The bytes are of another algorithm or shape.
     fn restore(&mut self, state: &[u8]) -> Result<(), AlgoError>;
 }
 
-/// What one update did; a quantity that the algorithm does not have is `None`, and a null in the results.
+/// The record of one update; a quantity that the algorithm does not have is `None`, and a null in the results.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Update {
     /// Mean KL of the new policy from the old one, nats.

@@ -114,7 +114,7 @@ pub struct Counter<'a> {
     pub point: f64,
     /// Segments of the batch that end with a value to be looked up.
     pub cuts: f64,
-    /// What the update did.
+    /// The update's record: how often its loops went round.
     pub update: &'a Update,
 }
 

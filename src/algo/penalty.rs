@@ -191,7 +191,7 @@ impl OnPolicy for Penalty {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{algo::bandit, rng::Stream};
+    use crate::{algo::one_step, rng::Stream};
 
     fn sparse(s: f64, a: f64) -> f64 {
         f64::from((a - s - 3.5).abs() < 0.3)
@@ -208,14 +208,14 @@ mod tests {
             mmd: mimicry::Hyperparameters::default(),
             trpo,
         };
-        let demonstration = bandit::demonstration(100, |s| s + 2.9);
-        let mut penalty = Penalty::new(hyperparameters, bandit::agent(0.5), &demonstration, Seed(0));
+        let demonstration = one_step::demonstration(100, |s| s + 2.9);
+        let mut penalty = Penalty::new(hyperparameters, one_step::agent(0.5), &demonstration, Seed(0));
         let mut rng = Seed(0).stream(Stream::Update, 0);
         for _ in 0..120 {
-            let batch = bandit::batch(penalty.agent(), 512, sparse, &mut rng);
+            let batch = one_step::batch(penalty.agent(), 512, sparse, &mut rng);
             penalty.update(&batch, &mut rng).expect("finite");
         }
-        bandit::score(penalty.agent(), sparse)
+        one_step::score(penalty.agent(), sparse)
     }
 
     #[test]

@@ -71,7 +71,7 @@ pub struct Hyperparameters {
     pub trpo: trpo::Hyperparameters,
 }
 
-/// What improves the policy on the new rewards.
+/// The update that improves the policy on the new rewards.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PolicyUpdate {
@@ -137,7 +137,7 @@ pub fn pofd(hyperparameters: Hyperparameters, agent: Agent, demonstration: &Demo
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{algo::bandit, rng::Stream};
+    use crate::{algo::one_step, rng::Stream};
 
     fn sparse(s: f64, a: f64) -> f64 {
         f64::from((a - s - 3.5).abs() < 0.3)
@@ -153,14 +153,14 @@ mod tests {
         hyperparameters.trpo.region.max_kl = constant(2e-2);
         hyperparameters.trpo.critic.learning_rate = constant(1e-2);
         hyperparameters.trpo.critic.minibatch = constant(128);
-        let demonstration = bandit::demonstration(100, |s| s + 3.4);
-        let mut pofd = pofd(hyperparameters, bandit::agent(0.5), &demonstration, Seed(0));
+        let demonstration = one_step::demonstration(100, |s| s + 3.4);
+        let mut pofd = pofd(hyperparameters, one_step::agent(0.5), &demonstration, Seed(0));
         let mut rng = Seed(0).stream(Stream::Update, 0);
         for _ in 0..120 {
-            let batch = bandit::batch(pofd.agent(), 512, sparse, &mut rng);
+            let batch = one_step::batch(pofd.agent(), 512, sparse, &mut rng);
             pofd.update(&batch, &mut rng).expect("finite");
         }
-        bandit::score(pofd.agent(), sparse)
+        one_step::score(pofd.agent(), sparse)
     }
 
     #[test]

@@ -295,7 +295,7 @@ impl OnPolicy for Ppo {
 mod tests {
     use super::*;
     use crate::{
-        algo::{bandit, reference},
+        algo::{one_step, reference},
         rng::{Seed, Stream},
     };
 
@@ -310,7 +310,7 @@ mod tests {
     fn train(ppo: &mut Ppo, iterations: usize, reward: fn(f64, f64) -> f64, rng: &mut Rng) -> Vec<Update> {
         (0..iterations)
             .map(|_| {
-                let batch = bandit::batch(ppo.agent(), 512, reward, rng);
+                let batch = one_step::batch(ppo.agent(), 512, reward, rng);
                 ppo.update(&batch, rng).expect("finite")
             })
             .collect()
@@ -318,15 +318,15 @@ mod tests {
 
     #[test]
     fn a_reward_that_is_not_a_number_is_an_error() {
-        let mut ppo = Ppo::new(hyperparameters(), bandit::agent(0.5));
+        let mut ppo = Ppo::new(hyperparameters(), one_step::agent(0.5));
         let mut rng = Seed(0).stream(Stream::Update, 0);
-        let batch = bandit::batch(ppo.agent(), 64, |_, _| f64::NAN, &mut rng);
+        let batch = one_step::batch(ppo.agent(), 64, |_, _| f64::NAN, &mut rng);
         assert!(matches!(ppo.update(&batch, &mut rng), Err(AlgoError::Diverged { .. })));
     }
 
     #[test]
     fn without_any_reward_the_policy_stands_still() {
-        let mut ppo = Ppo::new(hyperparameters(), bandit::agent(0.5));
+        let mut ppo = Ppo::new(hyperparameters(), one_step::agent(0.5));
         let before = ppo.agent().policy.clone();
         train(&mut ppo, 3, |_, _| 0.0, &mut Seed(0).stream(Stream::Update, 0));
         assert_eq!(ppo.agent().policy, before);
@@ -337,10 +337,10 @@ mod tests {
         fn reward(s: f64, a: f64) -> f64 {
             -(a - s).powi(2)
         }
-        let mut ppo = Ppo::new(hyperparameters(), bandit::agent(0.5));
-        let before = bandit::score(ppo.agent(), reward);
+        let mut ppo = Ppo::new(hyperparameters(), one_step::agent(0.5));
+        let before = one_step::score(ppo.agent(), reward);
         train(&mut ppo, 30, reward, &mut Seed(0).stream(Stream::Update, 0));
-        let after = bandit::score(ppo.agent(), reward);
+        let after = one_step::score(ppo.agent(), reward);
         assert!(before < -0.25 && after > -0.02, "from {before} to {after}");
     }
 
@@ -371,8 +371,8 @@ mod tests {
         let mut rng = Seed(4).stream(Stream::Action, 0);
         let unscaled =
             Hyperparameters { normalize_advantages: false, max_gradient_norm: constant(1e6), ..hyperparameters() };
-        let mut ppo = Ppo::new(unscaled, bandit::agent(0.5));
-        let batch = bandit::batch(ppo.agent(), 300, |_, _| 0.0, &mut rng);
+        let mut ppo = Ppo::new(unscaled, one_step::agent(0.5));
+        let batch = one_step::batch(ppo.agent(), 300, |_, _| 0.0, &mut rng);
         let advantages: Vec<f64> = batch.actions.iter().map(|&a| f64::from(a.sin())).collect();
         // Old densities some way off, so that about half of the ratios are clipped.
         let mut old = vec![0.0; 300];
@@ -418,10 +418,10 @@ mod tests {
 
     #[test]
     fn a_restored_run_goes_on_with_the_same_bits() {
-        let mut first = Ppo::new(hyperparameters(), bandit::agent(0.5));
+        let mut first = Ppo::new(hyperparameters(), one_step::agent(0.5));
         let mut rng = Seed(0).stream(Stream::Update, 0);
         train(&mut first, 2, |_, a| a, &mut rng);
-        let mut second = Ppo::new(hyperparameters(), bandit::agent(0.3));
+        let mut second = Ppo::new(hyperparameters(), one_step::agent(0.3));
         second.restore(&first.save()).expect("the same shapes");
         let mut same_rng = rng.clone();
         train(&mut first, 2, |_, a| a, &mut rng);

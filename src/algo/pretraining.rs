@@ -79,7 +79,7 @@ pub struct Pretraining<'a> {
 }
 
 impl Pretraining<'_> {
-    /// What names the agent that [`train`](Self::train) gives: a hash of all that it depends on, the
+    /// The name of the agent that [`train`](Self::train) gives: a hash of all that it depends on, the
     /// revision of cloning included. Only the class of the machine may still change last bits.
     pub fn key(&self) -> String {
         let Self { hyperparameters, agent, demonstration, seed } = self;
@@ -92,7 +92,9 @@ impl Pretraining<'_> {
 
     /// The agent after behaviour cloning, which calls `alive` after each epoch; what follows is PPO as it is.
     ///
-    /// Errors: the loss is no longer finite.
+    /// # Errors
+    ///
+    /// The loss is no longer finite.
     pub fn train(&self, alive: &mut dyn FnMut()) -> Result<Agent, AlgoError> {
         let mut agent = self.agent.clone();
         let mut rng = self.seed.stream(Stream::Pretraining, 0);
@@ -146,7 +148,7 @@ impl OnPolicy for Pretrained {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{algo::bandit, quantity::constant};
+    use crate::{algo::one_step, quantity::constant};
 
     /// Pays beside the demonstration, where a policy near zero never comes.
     fn sparse(s: f64, a: f64) -> f64 {
@@ -171,10 +173,10 @@ mod tests {
         let mut ppo = Ppo::new(hyperparameters, agent);
         let mut rng = Seed(0).stream(Stream::Update, 0);
         for _ in 0..60 {
-            let batch = bandit::batch(ppo.agent(), 512, sparse, &mut rng);
+            let batch = one_step::batch(ppo.agent(), 512, sparse, &mut rng);
             ppo.update(&batch, &mut rng).expect("finite");
         }
-        bandit::score(ppo.agent(), sparse)
+        one_step::score(ppo.agent(), sparse)
     }
 
     fn cloned(hyperparameters: &cloning::Hyperparameters, agent: &Agent, demonstration: &Demonstration) -> Agent {
@@ -184,20 +186,20 @@ mod tests {
     /// Cloning leads to where the reward can be met, and PPO from there to it; neither gets there alone.
     #[test]
     fn it_learns_a_sparse_reward_that_neither_of_its_parts_does() {
-        let (hyperparameters, agent) = (hyperparameters(), bandit::agent(0.5));
-        let demonstration = bandit::demonstration(100, |s| s + 2.9);
+        let (hyperparameters, agent) = (hyperparameters(), one_step::agent(0.5));
+        let demonstration = one_step::demonstration(100, |s| s + 2.9);
         let cloned = cloned(&hyperparameters, &agent, &demonstration);
         assert_eq!(cloned.value, agent.value, "a demonstration says nothing of sparse returns");
-        let alone = (bandit::score(&cloned, sparse), score_after_ppo(agent));
+        let alone = (one_step::score(&cloned, sparse), score_after_ppo(agent));
         let together = score_after_ppo(cloned);
         assert!(alone == (0.0, 0.0) && together > 0.8, "{alone:?} alone, {together} together");
     }
 
-    /// What the agent sees moves the units of other methods' inputs, but not the clone's, whose loss each update tells.
+    /// The states that an agent meets move the units of other methods' inputs, but not the clone's, whose loss each update tells.
     #[test]
     fn states_far_from_the_demonstration_leave_the_clone_as_it_is() {
-        let (hyperparameters, agent) = (hyperparameters(), bandit::agent(0.5));
-        let mut demonstration = bandit::demonstration(100, |s| s);
+        let (hyperparameters, agent) = (hyperparameters(), one_step::agent(0.5));
+        let mut demonstration = one_step::demonstration(100, |s| s);
         demonstration.observations *= 0.1;
         demonstration.actions.copy_from(&(&demonstration.observations * 10.0));
         let cloned = cloned(&hyperparameters, &agent, &demonstration);
@@ -208,15 +210,15 @@ mod tests {
             pretrained.agent_mut().normalizer.update(&[3.0 * f64::from(i).sin()]);
         }
         let mut rng = Seed(0).stream(Stream::Update, 0);
-        let batch = bandit::batch(pretrained.agent(), 256, sparse, &mut rng);
+        let batch = one_step::batch(pretrained.agent(), 256, sparse, &mut rng);
         let told = pretrained.update(&batch, &mut rng).expect("finite").cloning_loss.expect("it is told");
         assert!(loss < 0.01 && (told - loss).abs() < 0.01 * loss, "{told} after {loss}");
     }
 
     #[test]
     fn the_key_tells_whatever_decides_the_agent() {
-        let (hyperparameters, agent) = (hyperparameters(), bandit::agent(0.5));
-        let demonstration = bandit::demonstration(20, |s| s);
+        let (hyperparameters, agent) = (hyperparameters(), one_step::agent(0.5));
+        let demonstration = one_step::demonstration(20, |s| s);
         let start = Pretraining {
             hyperparameters: &hyperparameters,
             agent: &agent,
@@ -233,7 +235,7 @@ mod tests {
         for changed in [
             Pretraining { hyperparameters: &nll, ..start },
             Pretraining { agent: &wide, ..start },
-            Pretraining { agent: &bandit::agent(0.4), ..start },
+            Pretraining { agent: &one_step::agent(0.4), ..start },
             Pretraining { demonstration: &other, ..start },
             Pretraining { seed: Seed(1), ..start },
         ] {

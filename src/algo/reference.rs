@@ -1,4 +1,4 @@
-//! What numpy makes of the same inputs, for tests: tests/reference/algorithms.json, which algorithms.py beside it wrote.
+//! Numpy's results for the same inputs, for tests: tests/reference/algorithms.json, which algorithms.py beside it wrote.
 
 use nalgebra::DMatrix;
 use serde::Deserialize;
@@ -129,7 +129,7 @@ pub fn assert_near<T: Copy + Into<f64>>(found: &[T], expected: &[f64], tolerance
     }
 }
 
-/// What f32 networks of this size are off by, in losses, gradients and advantages of order one.
+/// The rounding error of f32 networks of this size, in losses, gradients and advantages of order one.
 pub const ROUNDING: f64 = 2e-6;
 
 #[test]

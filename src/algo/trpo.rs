@@ -153,7 +153,7 @@ impl OnPolicy for Trpo {
 mod tests {
     use super::*;
     use crate::{
-        algo::{bandit, trust_region::KL_MARGIN},
+        algo::{one_step, trust_region::KL_MARGIN},
         quantity::constant,
         rng::{Seed, Stream},
     };
@@ -167,11 +167,11 @@ mod tests {
         hyperparameters.region.max_kl = constant(2e-2);
         hyperparameters.critic.learning_rate = constant(1e-2);
         hyperparameters.critic.minibatch = constant(128);
-        let mut trpo = Trpo::new(hyperparameters, bandit::agent(0.5));
+        let mut trpo = Trpo::new(hyperparameters, one_step::agent(0.5));
         let mut rng = Seed(0).stream(Stream::Update, 0);
         let updates = (0..iterations)
             .map(|_| {
-                let batch = bandit::batch(trpo.agent(), 512, reward, &mut rng);
+                let batch = one_step::batch(trpo.agent(), 512, reward, &mut rng);
                 trpo.update(&batch, &mut rng).expect("finite")
             })
             .collect();
@@ -181,7 +181,7 @@ mod tests {
     #[test]
     fn it_learns_a_dense_reward_within_its_trust_region() {
         let (trpo, updates) = trained(40);
-        let score = bandit::score(trpo.agent(), reward);
+        let score = one_step::score(trpo.agent(), reward);
         assert!(score > -0.02, "{score}");
         assert!(updates.iter().all(|update| update.kl <= Some(KL_MARGIN * 2e-2)));
     }

@@ -226,7 +226,7 @@ pub struct Surrogate<'a> {
     old_densities: Vec<f64>,
 }
 
-/// What a trial policy makes of the batch.
+/// A trial policy, measured on the batch.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trial {
     /// `L(theta) - L(theta_old)`.
@@ -284,7 +284,7 @@ impl<'a> Surrogate<'a> {
 mod tests {
     use super::*;
     use crate::{
-        algo::bandit,
+        algo::one_step,
         rng::{Seed, Stream},
         solver::dot,
     };
@@ -292,7 +292,7 @@ mod tests {
     /// Where each sample stands four times, one of four says all.
     #[test]
     fn a_thinned_fisher_matrix_is_that_of_evenly_spaced_samples() {
-        let agent = bandit::agent(0.5);
+        let agent = one_step::agent(0.5);
         let some = DMatrix::from_fn(1, 30, |_, i| (0.7 * i as f32).sin());
         let all = DMatrix::from_fn(1, 120, |_, i| some[i / 4]);
         let g: Vec<f32> = (0..agent.policy.dim()).map(|i| (1.3 * i as f32).cos()).collect();
@@ -316,8 +316,8 @@ mod tests {
 
     #[test]
     fn the_gradient_is_the_slope_of_the_measured_gain() {
-        let agent = bandit::agent(0.5);
-        let batch = bandit::batch(&agent, 200, |_, _| 0.0, &mut Seed(2).stream(Stream::Action, 0));
+        let agent = one_step::agent(0.5);
+        let batch = one_step::batch(&agent, 200, |_, _| 0.0, &mut Seed(2).stream(Stream::Action, 0));
         let advantages: Vec<f64> = batch.actions.iter().map(|&a| f64::from(a) * 2.0 + 0.3).collect();
         let (mut pass, mut trial_pass) = (Pass::default(), Pass::default());
         let surrogate = Surrogate::new(&agent.policy, &batch, &advantages, &mut pass);

@@ -16,13 +16,13 @@ use serde::{Serialize, Serializer};
 
 pub use crate::algo::operations::Shapes;
 use crate::{
-    algo::{Agent, Learner, OnPolicy, SegmentEnd, operations},
+    algo::{Learner, OnPolicy, SegmentEnd, operations},
     demo::Demonstration,
     env::EnvError,
     plan::RunSpec,
     record::{self, Checkpoint, RecordError},
     rng::Stream,
-    train::{EvaluationEpisode, Flow, Iteration, RunSink, SinkError, TrainError, build, rollout::Rollout},
+    train::{TrainError, build, rollout::Rollout},
 };
 use clock::{Seconds, timed};
 pub use rate::Rate;
@@ -47,14 +47,14 @@ pub enum BenchError {
     Folder(#[from] io::Error),
 }
 
-/// What was measured, over all iterations but the first.
+/// The speed of training and where its time goes, over all iterations but the first.
 #[derive(Debug, Clone, Serialize)]
 pub struct Measured {
     /// The environment.
     pub env: String,
     /// The algorithm.
     pub algorithm: &'static str,
-    /// What decides how much there is to do.
+    /// The sizes that decide how much there is to do.
     pub shapes: Shapes,
     /// Iterations, the one before the clock not among them.
     pub iterations: u64,
@@ -129,29 +129,14 @@ impl Serialize for Parts {
     }
 }
 
-/// Keeps nothing of a run.
-struct Unrecorded;
-
-impl RunSink for Unrecorded {
-    fn iteration(&mut self, _: &Iteration, _: &dyn Fn() -> Vec<u8>) -> Result<Flow, SinkError> {
-        Ok(Flow::Continue)
-    }
-
-    fn evaluation(&mut self, _: &[EvaluationEpisode]) -> Result<(), SinkError> {
-        Ok(())
-    }
-
-    fn policy(&mut self, _: u64, _: bool, _: &Agent) -> Result<(), SinkError> {
-        Ok(())
-    }
-}
-
 /// Trains as `spec` says for one iteration to warm up and `iterations` more, on one core. Evaluations are left out; of
 /// recording, which is a checkpoint now and then, the checkpoint's share counts.
 ///
-/// Errors: training fails, the algorithm takes no steps, or a checkpoint cannot be written.
+/// # Errors
+///
+/// Training fails, the algorithm takes no steps, or a checkpoint cannot be written.
 pub fn measure(spec: &RunSpec, iterations: u64) -> Result<Measured, BenchError> {
-    let Learner::OnPolicy(mut algorithm) = build::learner(spec, &mut Unrecorded)? else {
+    let Learner::OnPolicy(mut algorithm) = build::learner(spec, &mut build::cloned, &mut || {})? else {
         return Err(BenchError::NoRollouts(spec.algorithm_name()));
     };
     let shapes = shapes(spec, algorithm.as_ref())?;

@@ -18,7 +18,7 @@ impl Normalizer {
     /// the clip bounds it.
     pub const EPSILON: f64 = 1e-8;
 
-    /// What one column of a [`held`](Self::held) normaliser counts for: so many that a run of 1e8 steps after a demonstration
+    /// The weight of one column of a [`held`](Self::held) normaliser: so many that a run of 1e8 steps after a demonstration
     /// of 100 moves mean and variance by a millionth of how far off it goes.
     pub const HELD: f64 = 1e12;
 

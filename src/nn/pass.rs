@@ -1,4 +1,4 @@
-//! What a network keeps between its passes, and how a batch is cut.
+//! The activations that a network keeps between its passes, and how a batch is cut.
 
 use std::{mem, ops::Range};
 
@@ -10,7 +10,7 @@ use crate::arithmetic::threads::{self, InOrder};
 /// the chunks and give the same bits. Large enough for the products' full rate, small enough for the cache.
 pub(super) const CHUNK: usize = 128;
 
-/// What a forward pass leaves for the derivatives: every layer's activations, and room to work in. Reused between passes,
+/// Every layer's activations in a forward pass, kept for the derivatives, and room to work in. Reused between passes,
 /// it allocates only when a batch is larger than any before.
 #[derive(Debug, Clone, Default)]
 pub struct Pass {
@@ -89,7 +89,7 @@ impl Pass {
     }
 }
 
-/// What a forward pass keeps of one chunk.
+/// The activations of one chunk.
 pub(super) struct Kept<'a> {
     /// The network's.
     pub(super) widths: &'a [usize],
@@ -102,7 +102,7 @@ pub(super) struct Kept<'a> {
 }
 
 impl<'a> Kept<'a> {
-    /// What goes into `layer`, which is what the layer below it gave `[in x chunk]`.
+    /// The input of `layer`: the output of the layer below it `[in x chunk]`.
     pub(super) fn input(&self, layer: usize) -> DMatrixView<'a, f32> {
         matrix(self.flat_input(layer), self.widths[layer])
     }

@@ -12,10 +12,10 @@ use super::{
     Claim, RecordError,
     checkpoint::{read_sealed, write_sealed},
 };
-use crate::{
-    algo::Agent,
-    train::{Pretrain, TrainError},
-};
+use crate::{algo::Agent, train::TrainError};
+
+/// Trains an agent before its run, and calls what it is given now and then.
+pub type Pretrain<'a> = dyn FnMut(&mut dyn FnMut()) -> Result<Agent, TrainError> + 'a;
 
 /// What the file's first line says.
 const NAME: &str = "mcpo-run pre-trained agent";

@@ -10,13 +10,13 @@ use tracing::{debug, info};
 
 use super::{event::Event, stop::StopRequest, worker::tell};
 use crate::{
-    algo::Agent,
+    algo::{Agent, pretraining::Pretraining},
     plan::RunSpec,
     record::{
         Attempt, Checkpoint, Claim, Heartbeat, Manifest, Outcome, RecordError, RunPaths, TableDigests, now, policy,
         pretrained::pretrained, rows,
     },
-    train::{EvaluationEpisode, Flow, Iteration, Pretrain, RunSink, SinkError, TrainError},
+    train::{EvaluationEpisode, Flow, Iteration, RunSink, SinkError, TrainError, build},
 };
 
 /// Heartbeats are no more frequent than this.
@@ -83,6 +83,15 @@ impl<'a> Recorder<'a> {
             last_alive: Instant::now(),
             last_return: None,
         })
+    }
+
+    /// Finds the agents that runs of these results share, and trains and keeps those that are not there yet.
+    pub fn clones(&self) -> impl FnMut(&Pretraining<'_>, &mut dyn FnMut()) -> Result<Agent, TrainError> + use<> {
+        let folder = self.paths.pretrained.clone();
+        let build = self.manifest.stamp.build.clone();
+        move |start, alive| {
+            pretrained(&folder, &start.key(), build.machine(), &mut |alive| build::cloned(start, alive), alive)
+        }
     }
 
     /// Writes the tables and the manifest, and puts the run into its place.
@@ -189,12 +198,6 @@ impl RunSink for Recorder<'_> {
 
     fn alive(&mut self) {
         signs_of_life(&mut self.last_alive);
-    }
-
-    fn pretrained(&mut self, key: &str, train: &mut Pretrain<'_>) -> Result<Agent, TrainError> {
-        let machine = self.manifest.stamp.build.machine();
-        let alive = &mut || signs_of_life(&mut self.last_alive);
-        pretrained(&self.paths.pretrained, key, machine, train, alive)
     }
 }
 

@@ -117,7 +117,8 @@ fn work() -> Result<Event, WorkerError> {
     let state = Some(mem::take(&mut recorded.state)).filter(|state| !state.is_empty());
     threads::set(job.threads);
     let mut recorder = Recorder::begin(&run.spec, run.paths, claim, stop, manifest, recorded)?;
-    Ok(match train::run(&run.spec, state.as_deref(), &mut recorder)? {
+    let mut clones = recorder.clones();
+    Ok(match train::run_with(&run.spec, &mut clones, state.as_deref(), &mut recorder)? {
         Ending::Finished => recorder.finish()?,
         Ending::Stopped => recorder.stop()?,
     })

@@ -26,7 +26,7 @@ pub enum Stop {
     },
 }
 
-/// What [`solve`] found.
+/// The result of [`solve`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Solution {
     /// The approximate solution `[dim]`. Since conjugate gradient leaves a residual orthogonal to it, `x.Ax` is `x.rhs`

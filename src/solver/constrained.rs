@@ -17,7 +17,7 @@ pub struct LinearConstraint<'a> {
     pub slack: f64,
 }
 
-/// What [`constrained_step`] found.
+/// The result of [`constrained_step`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct ConstrainedStep {
     /// The optimum `x` (`[dim]`); `None` where there is no step (infeasible or undefined), zero where the optimum is to

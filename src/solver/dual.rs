@@ -119,7 +119,7 @@ pub fn solve(problem: &DualProblem) -> DualSolution {
     solve_lazily(problem.q, problem.r, problem.slack, problem.radius, || problem.s)
 }
 
-/// What `q - r^2/s` may be, relative to `q`, when it is 0 (g parallel to b) and `H^-1` was applied in f32. Added to the
+/// The most that `q - r^2/s` can be, relative to `q`, when it is 0 (g parallel to b) and `H^-1` was applied in f32. Added to the
 /// difference, it keeps lambda above 0 and the step inside the ball, at the price of at most 3e-7 of the objective's range
 /// `sqrt(2 delta q)` (its greatest value over all `q - r^2/s`).
 const ROUNDING: f64 = 1e-12;

@@ -7,7 +7,7 @@
 
 use super::{Step, Theta};
 
-/// What [`backtrack`] found.
+/// The result of [`backtrack`].
 #[derive(Debug, Clone, PartialEq)]
 pub enum Search<A, R> {
     /// A trial was accepted.
@@ -20,7 +20,7 @@ pub enum Search<A, R> {
         corrections: usize,
         /// The accepted point `[dim]`.
         theta: Theta,
-        /// What the judge said of it.
+        /// The judge's verdict on it.
         verdict: A,
     },
     /// No trial was accepted.

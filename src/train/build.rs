@@ -1,6 +1,6 @@
 //! From a specification to the objects that train.
 
-use super::{RunSink, TrainError};
+use super::{Clones, TrainError};
 use crate::{
     algo::{Agent, AlgoError, Learner, Start, pretraining::Pretraining},
     demo::Demonstration,
@@ -11,6 +11,10 @@ use crate::{
 };
 
 /// `count` copies of the run's task.
+///
+/// # Errors
+///
+/// The environment cannot be built, or does not have the reward.
 pub fn tasks(spec: &RunSpec, count: usize) -> Result<Vec<Task>, EnvError> {
     (0..count).map(|_| Task::new(spec.env, spec.reward, spec.max_steps)).collect()
 }
@@ -28,19 +32,29 @@ pub fn agent(spec: &RunSpec, spaces: Spaces) -> Agent {
     Agent { policy, value, normalizer: Normalizer::new(spaces.observation_dim, spec.network.observation_clip.get()) }
 }
 
-/// The run's learner, before its first rollout; `sink` may know the result of behaviour cloning from another run.
+/// The run's learner, before its first rollout. Its behaviour cloning, where it has some, is left to `clones`, which calls
+/// `alive` now and then.
 ///
 /// # Errors
 ///
 /// The demonstration is missing or does not fit, or behaviour cloning diverged.
-pub fn learner(spec: &RunSpec, sink: &mut dyn RunSink) -> Result<Learner, TrainError> {
+pub fn learner(spec: &RunSpec, clones: &mut Clones<'_>, alive: &mut dyn FnMut()) -> Result<Learner, TrainError> {
     let mut agent = agent(spec, Task::new(spec.env, spec.reward, spec.max_steps)?.spaces());
     let demonstration = spec.algorithm.uses_demonstration().then(|| demonstration(spec)).transpose()?;
     if let (Some(hyperparameters), Some(demonstration)) = (spec.algorithm.cloning(), &demonstration) {
         let start = Pretraining { hyperparameters, agent: &agent, demonstration, seed: spec.seed };
-        agent = sink.pretrained(&start.key(), &mut |alive| start.train(alive).map_err(before_any))?;
+        agent = clones(&start, alive)?;
     }
     spec.algorithm.start(Start { agent, demonstration, seed: spec.seed }).map_err(before_any)
+}
+
+/// The agent after `start`, trained here and now; `alive` is called after each epoch.
+///
+/// # Errors
+///
+/// The loss is no longer finite.
+pub fn cloned(start: &Pretraining<'_>, alive: &mut dyn FnMut()) -> Result<Agent, TrainError> {
+    start.train(alive).map_err(before_any)
 }
 
 /// An error of the algorithm before the first iteration.

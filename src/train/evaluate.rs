@@ -33,7 +33,9 @@ pub struct Evaluation {
 /// The episodes of `evaluation`, whose initial states depend on its seed and index alone, so that all runs of a seed are
 /// evaluated on the same ones. `alive` is called after each step.
 ///
-/// Errors: the physics failed.
+/// # Errors
+///
+/// The physics failed.
 pub fn evaluation(
     actor: &mut Actor<'_>,
     tasks: &mut [Task],
@@ -65,7 +67,9 @@ pub enum Actor<'a> {
 /// The episodes come in the order of `starts`; those of a policy do not depend on how many tasks there are. `alive` is
 /// called after each step.
 ///
-/// Errors: the physics failed.
+/// # Errors
+///
+/// The physics failed.
 pub fn episodes(
     actor: &mut Actor<'_>,
     tasks: &mut [Task],
@@ -128,7 +132,9 @@ pub fn episodes(
 
 /// Records one episode of `agent`'s mean action from an initial state drawn from `start`, step by step.
 ///
-/// Errors: the physics failed.
+/// # Errors
+///
+/// The physics failed.
 pub fn record(agent: &Agent, task: &mut Task, mut start: Rng) -> Result<Demonstration, EnvError> {
     let spaces = task.spaces();
     let mut observation = vec![0.0; spaces.observation_dim];

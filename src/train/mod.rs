@@ -12,13 +12,13 @@ pub mod rollout;
 pub use crate::measured::{EvaluationEpisode, Iteration};
 
 use crate::{
-    algo::{Agent, AlgoError, Learner},
+    algo::{Agent, AlgoError, Learner, pretraining::Pretraining},
     demo::DemoError,
     env::EnvError,
     plan::RunSpec,
 };
 
-/// Whether to go on.
+/// The sink's answer to a row: whether training goes on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Flow {
     /// Go on.
@@ -27,30 +27,35 @@ pub enum Flow {
     Stop,
 }
 
-/// Trains an agent before its run, and calls what it is given now and then.
-pub type Pretrain<'a> = dyn FnMut(&mut dyn FnMut()) -> Result<Agent, TrainError> + 'a;
+/// Gives the agent that a pre-training leads to: by that training, or from where such agents are kept under the training's
+/// [key](Pretraining::key). Calls what it is given beside it now and then, as a sign of life.
+pub type Clones<'a> = dyn FnMut(&Pretraining<'_>, &mut dyn FnMut()) -> Result<Agent, TrainError> + 'a;
 
 /// Where training tells what happens.
 pub trait RunSink {
     /// An iteration ended. `checkpoint` gives the whole state when the sink wants to keep it.
+    ///
+    /// # Errors
+    ///
+    /// The sink could not keep it; the run ends.
     fn iteration(&mut self, row: &Iteration, checkpoint: &dyn Fn() -> Vec<u8>) -> Result<Flow, SinkError>;
 
     /// An evaluation ended.
+    ///
+    /// # Errors
+    ///
+    /// As for [`iteration`](Self::iteration).
     fn evaluation(&mut self, episodes: &[EvaluationEpisode]) -> Result<(), SinkError>;
 
     /// The policy after `env_steps`, to be kept: at the intervals of `checkpoint.keep_policy_every`, and at the end.
+    ///
+    /// # Errors
+    ///
+    /// As for [`iteration`](Self::iteration).
     fn policy(&mut self, env_steps: u64, last: bool, agent: &Agent) -> Result<(), SinkError>;
 
     /// A part of something long was done that is none of the above: called often, for those who look out for a standstill.
     fn alive(&mut self) {}
-
-    /// The agent that `train` gives before the first rollout; it calls what it is given now and then. A sink that keeps such
-    /// agents may give one that it has under the same `key`, which names all that `train` depends on.
-    ///
-    /// Errors: training's own, or the agent cannot be kept.
-    fn pretrained(&mut self, _key: &str, train: &mut Pretrain<'_>) -> Result<Agent, TrainError> {
-        train(&mut || self.alive())
-    }
 }
 
 /// A sink could not keep what it was told.
@@ -58,7 +63,7 @@ pub trait RunSink {
 #[error("{0}")]
 pub struct SinkError(pub String);
 
-/// What ends a run before its time.
+/// An error that ends a run before its time.
 #[derive(Debug, thiserror::Error)]
 pub enum TrainError {
     /// The environment.
@@ -75,7 +80,7 @@ pub enum TrainError {
     Algo {
         /// The iteration, counted from 1.
         iteration: u64,
-        /// What went wrong.
+        /// The algorithm's error.
         source: AlgoError,
     },
     /// The sink.
@@ -97,9 +102,25 @@ pub enum Ending {
 
 /// Trains `spec` from its start, or from `checkpoint`, and tells `sink` what happens.
 ///
-/// Errors: the demonstration or a checkpoint cannot be used, training diverged, or the sink failed.
+/// # Errors
+///
+/// The demonstration or a checkpoint cannot be used, training diverged, or the sink failed.
 pub fn run(spec: &RunSpec, checkpoint: Option<&[u8]>, sink: &mut dyn RunSink) -> Result<Ending, TrainError> {
-    match build::learner(spec, sink)? {
+    run_with(spec, &mut build::cloned, checkpoint, sink)
+}
+
+/// The same, where cloned agents come from `clones`.
+///
+/// # Errors
+///
+/// As for [`run`], and those of `clones`.
+pub fn run_with(
+    spec: &RunSpec,
+    clones: &mut Clones<'_>,
+    checkpoint: Option<&[u8]>,
+    sink: &mut dyn RunSink,
+) -> Result<Ending, TrainError> {
+    match build::learner(spec, clones, &mut || sink.alive())? {
         Learner::OnPolicy(algorithm) => on_policy::run(spec, algorithm, checkpoint, sink),
         Learner::Offline(agent, learned) => {
             // A run that was stopped here has this row already.

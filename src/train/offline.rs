@@ -7,6 +7,10 @@ use super::{
 use crate::{algo::Agent, plan::RunSpec, rng::Stream};
 
 /// Evaluates what `spec` ends with, `agent` or else uniform actions. It is over in seconds, so there is no checkpoint.
+///
+/// # Errors
+///
+/// The environment cannot be built, the physics failed, or the sink failed.
 pub fn run(spec: &RunSpec, agent: Option<&Agent>, sink: &mut dyn RunSink) -> Result<Ending, TrainError> {
     let mut tasks = build::tasks(spec, spec.rollout.environments.size())?;
     let mut uniform = spec.seed.stream(Stream::Action, 0);

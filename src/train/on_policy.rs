@@ -46,6 +46,10 @@ struct Saved {
 
 /// Trains `algorithm` on `spec` from its start or from `checkpoint`, which may be the last of a run with a smaller budget: no
 /// step before the budget's end depends on it.
+///
+/// # Errors
+///
+/// The checkpoint is of another run, the physics failed, training diverged, or the sink failed.
 pub fn run(
     spec: &RunSpec,
     algorithm: Box<dyn OnPolicy>,

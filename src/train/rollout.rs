@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     algo::{Agent, Batch, Segment, SegmentEnd},
     arithmetic::threads,
-    env::{EnvError, EpisodeEnd, Task, Transition},
+    env::{EnvError, EpisodeEnd, Spaces, Task, Transition},
     nn::Pass,
     rng::{Rng, Seed, Stream},
 };
@@ -31,13 +31,13 @@ struct Lane {
     task: Task,
     own: Own,
     action: Vec<f64>,
-    /// What its last step gave.
+    /// The transition of its last step.
     stepped: Option<Result<Transition, EnvError>>,
     /// The observation after that step, where it ended an episode.
     last_observation: Vec<f64>,
 }
 
-/// What belongs to one environment beside its physics.
+/// The state of one environment beside its physics.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 struct Own {
     resets: Rng,
@@ -70,7 +70,7 @@ pub struct Episode {
     pub length: u64,
 }
 
-/// What one rollout gave.
+/// The experience of one rollout.
 pub struct Collected {
     /// For the update.
     pub batch: Batch,
@@ -105,7 +105,9 @@ impl Rollout {
     /// Steps every environment `steps` times under `agent`'s policy, whose normaliser sees each observation before the
     /// policy does.
     ///
-    /// Errors: the physics failed.
+    /// # Errors
+    ///
+    /// The physics failed.
     pub fn collect(&mut self, agent: &mut Agent, steps: usize) -> Result<Collected, EnvError> {
         let [own, others @ ..] = self.groups.as_mut_slice() else { unreachable!("a run has an environment") };
         let pass = &mut self.pass;
@@ -145,7 +147,9 @@ impl Rollout {
     /// Takes the steps of `batch` again, from the state in which its rollout began, with the physics alone: what
     /// `mcpo-run bench` holds a rollout against. Episodes begin as they did.
     ///
-    /// Errors: the physics failed.
+    /// # Errors
+    ///
+    /// The physics failed.
     pub fn replay(&mut self, batch: &Batch) -> Result<(), EnvError> {
         let mut lanes: Vec<&mut Lane> = self.groups.iter_mut().flatten().collect();
         let steps = batch.len() / lanes.len();
@@ -175,7 +179,9 @@ impl Rollout {
 
     /// Puts back what [`save`](Rollout::save) gave.
     ///
-    /// Errors: the state is of other environments.
+    /// # Errors
+    ///
+    /// The state is of other environments.
     pub fn restore(&mut self, state: RolloutState) -> Result<(), EnvError> {
         let saved = state.lanes.into_iter().zip(&state.tasks);
         for (lane, (own, task)) in self.groups.iter_mut().flatten().zip(saved) {
@@ -196,72 +202,120 @@ fn collect(
     step: impl Fn(&mut Vec<Lane>, &mut [Vec<Lane>]),
 ) -> Result<Collected, EnvError> {
     let spaces = own[0].task.spaces();
-    let (observation_dim, action_dim) = (spaces.observation_dim, spaces.action_dim);
     let count = own.len() + others.iter().map(Vec::len).sum::<usize>();
-    let samples = steps * count;
-    let mut observations = DMatrix::<f32>::zeros(observation_dim, samples);
-    let mut raw_observations = DMatrix::<f64>::zeros(observation_dim, samples);
-    let mut means = DMatrix::<f32>::zeros(action_dim, samples);
-    let mut actions = DMatrix::<f32>::zeros(action_dim, samples);
-    let mut rewards = vec![0.0; samples];
-    let mut segments: Vec<Vec<Segment>> = vec![Vec::new(); count];
-    let mut starts: Vec<usize> = (0..count).map(|lane| lane * steps).collect();
-    let mut episodes: Vec<Vec<Episode>> = vec![Vec::new(); count];
-    let mut inputs = DMatrix::<f32>::zeros(observation_dim, count);
+    let mut filling = Filling::new(spaces, count, steps);
+    let mut inputs = DMatrix::<f32>::zeros(spaces.observation_dim, count);
     let std: Vec<f32> = agent.policy.log_std().iter().map(|s| s.exp()).collect();
     let mut physics = Duration::ZERO;
 
     for t in 0..steps {
+        // All lanes' observations enter the normaliser before it is used for any of them: none is seen in other units.
         for lane in own.iter().chain(others.iter().flatten()) {
             agent.normalizer.update(&lane.own.observation);
         }
         let lanes = own.iter().chain(others.iter().flatten());
-        for (lane, input) in lanes.zip(inputs.as_mut_slice().chunks_exact_mut(observation_dim)) {
+        for (lane, input) in lanes.zip(inputs.as_mut_slice().chunks_exact_mut(spaces.observation_dim)) {
             agent.normalizer.normalize(&lane.own.observation, input);
         }
         agent.policy.forward(&inputs, pass);
         for (index, lane) in own.iter_mut().chain(others.iter_mut().flatten()).enumerate() {
-            let sample = index * steps + t;
-            observations.column_mut(sample).copy_from(&inputs.column(index));
-            raw_observations.column_mut(sample).copy_from_slice(&lane.own.observation);
-            means.column_mut(sample).copy_from(&pass.output().column(index));
-            for (row, (std, action)) in std.iter().zip(&mut lane.action).enumerate() {
-                let noise: f32 = StandardNormal.sample(&mut lane.own.noise);
-                actions[(row, sample)] = means[(row, sample)] + std * noise;
-                *action = f64::from(actions[(row, sample)]);
-            }
+            filling.act(index, t, lane, &inputs, pass, &std);
         }
         let began = Instant::now();
         step(own, others);
         physics += began.elapsed();
         for (index, lane) in own.iter_mut().chain(others.iter_mut().flatten()).enumerate() {
-            let sample = index * steps + t;
-            let transition = lane.stepped.take().expect("every lane has been stepped")?;
-            let episode = &mut lane.own.episode;
-            rewards[sample] = transition.reward;
-            episode.dense_return += transition.dense_reward;
-            episode.training_return += transition.reward;
-            episode.length += 1;
-            if let Some(end) = transition.end {
-                let end = match end {
-                    EpisodeEnd::Terminated => SegmentEnd::Terminated,
-                    EpisodeEnd::Truncated => bootstrapped(agent, &lane.last_observation),
-                };
-                segments[index].push(Segment { range: starts[index]..sample + 1, end });
-                starts[index] = sample + 1;
-                episodes[index].push(mem::take(episode));
-            }
+            filling.take(index, t, lane, agent)?;
         }
     }
     for (index, lane) in own.iter().chain(others.iter().flatten()).enumerate() {
-        let end = (index + 1) * steps;
-        if starts[index] < end {
-            let end_of_segment = bootstrapped(agent, &lane.own.observation);
-            segments[index].push(Segment { range: starts[index]..end, end: end_of_segment });
+        filling.cut(index, lane, agent);
+    }
+    Ok(filling.collected(physics))
+}
+
+/// A batch that is being filled, by the step of a lane at a time.
+struct Filling {
+    /// Of each lane.
+    steps: usize,
+    /// Its segments are those of the lanes, below.
+    batch: Batch,
+    /// Lane by lane.
+    segments: Vec<Vec<Segment>>,
+    /// The first sample of each lane's segment under way.
+    starts: Vec<usize>,
+    /// The episodes that ended, lane by lane.
+    episodes: Vec<Vec<Episode>>,
+}
+
+impl Filling {
+    fn new(Spaces { observation_dim, action_dim, .. }: Spaces, lanes: usize, steps: usize) -> Self {
+        let samples = steps * lanes;
+        let batch = Batch {
+            observations: DMatrix::zeros(observation_dim, samples),
+            raw_observations: DMatrix::zeros(observation_dim, samples),
+            means: DMatrix::zeros(action_dim, samples),
+            actions: DMatrix::zeros(action_dim, samples),
+            rewards: vec![0.0; samples],
+            segments: Vec::new(),
+        };
+        Self {
+            steps,
+            batch,
+            segments: vec![Vec::new(); lanes],
+            starts: (0..lanes).map(|lane| lane * steps).collect(),
+            episodes: vec![Vec::new(); lanes],
         }
     }
-    let batch = Batch { observations, raw_observations, means, actions, rewards, segments: segments.concat() };
-    Ok(Collected { batch, episodes: episodes.concat(), physics })
+
+    /// Draws the action of the lane number `index` in its step `t`. The lanes' inputs are the columns of `inputs`, the
+    /// policy's means for them those of the output in `pass`.
+    fn act(&mut self, index: usize, t: usize, lane: &mut Lane, inputs: &DMatrix<f32>, pass: &Pass, std: &[f32]) {
+        let Batch { observations, raw_observations, means, actions, .. } = &mut self.batch;
+        let sample = index * self.steps + t;
+        observations.column_mut(sample).copy_from(&inputs.column(index));
+        raw_observations.column_mut(sample).copy_from_slice(&lane.own.observation);
+        means.column_mut(sample).copy_from(&pass.output().column(index));
+        for (row, (std, action)) in std.iter().zip(&mut lane.action).enumerate() {
+            let noise: f32 = StandardNormal.sample(&mut lane.own.noise);
+            actions[(row, sample)] = means[(row, sample)] + std * noise;
+            *action = f64::from(actions[(row, sample)]);
+        }
+    }
+
+    /// Takes down the transition of that step.
+    fn take(&mut self, index: usize, t: usize, lane: &mut Lane, agent: &Agent) -> Result<(), EnvError> {
+        let sample = index * self.steps + t;
+        let transition = lane.stepped.take().expect("every lane has been stepped")?;
+        let episode = &mut lane.own.episode;
+        self.batch.rewards[sample] = transition.reward;
+        episode.dense_return += transition.dense_reward;
+        episode.training_return += transition.reward;
+        episode.length += 1;
+        if let Some(end) = transition.end {
+            let end = match end {
+                EpisodeEnd::Terminated => SegmentEnd::Terminated,
+                EpisodeEnd::Truncated => bootstrapped(agent, &lane.last_observation),
+            };
+            self.segments[index].push(Segment { range: self.starts[index]..sample + 1, end });
+            self.starts[index] = sample + 1;
+            self.episodes[index].push(mem::take(episode));
+        }
+        Ok(())
+    }
+
+    /// Ends the segment of the lane number `index` where its rollout ends, if one is under way.
+    fn cut(&mut self, index: usize, lane: &Lane, agent: &Agent) {
+        let range = self.starts[index]..(index + 1) * self.steps;
+        if !range.is_empty() {
+            self.segments[index].push(Segment { range, end: bootstrapped(agent, &lane.own.observation) });
+        }
+    }
+
+    fn collected(self, physics: Duration) -> Collected {
+        let batch = Batch { segments: self.segments.concat(), ..self.batch };
+        Collected { batch, episodes: self.episodes.concat(), physics }
+    }
 }
 
 /// A saved [`Rollout`].

@@ -1,4 +1,4 @@
-//! What a user can set of MCPO, and the paper's values of it (Tables 1 and 2).
+//! MCPO's hyperparameters, and the paper's values of them (Tables 1 and 2).
 
 use serde::{Deserialize, Serialize};
 

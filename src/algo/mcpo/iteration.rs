@@ -22,7 +22,7 @@ use crate::{
 /// either side.
 pub(super) const D_MARGIN: f64 = 1e-3;
 
-/// What a move did to the policy, for the record.
+/// The record of a move.
 #[derive(Default)]
 pub(super) struct Outcome {
     pub kl: f64,
@@ -33,12 +33,12 @@ pub(super) struct Outcome {
     pub recovery_steps: Option<u64>,
 }
 
-/// What the moves of one iteration start from, and measure by.
+/// The start of one iteration, and the measures of its moves.
 pub(super) struct Iteration<'a> {
     pub hyperparameters: &'a Hyperparameters,
     /// The policy at its start.
     pub start: &'a GaussianPolicy,
-    /// What it saw, normalised `[observation_dim x n]`.
+    /// The observations of the batch, normalised `[observation_dim x n]`.
     pub observations: &'a DMatrix<f32>,
     pub surrogate: &'a Surrogate<'a>,
     pub measured: &'a Measured,

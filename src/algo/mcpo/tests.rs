@@ -1,7 +1,7 @@
 use super::{iteration::D_MARGIN, *};
 use crate::{
     algo::{
-        bandit, ppo,
+        one_step, ppo,
         tolerance::Tolerance,
         trust_region::{KL_MARGIN, TrustRegion},
     },
@@ -30,14 +30,14 @@ fn hyperparameters(samples: Samples, d: f64) -> Hyperparameters {
 }
 
 fn mcpo(samples: Samples, d: f64) -> Mcpo {
-    let demonstration = bandit::demonstration(100, |s| s + 2.9);
-    Mcpo::new(hyperparameters(samples, d), bandit::agent(0.5), &demonstration, Seed(0))
+    let demonstration = one_step::demonstration(100, |s| s + 2.9);
+    Mcpo::new(hyperparameters(samples, d), one_step::agent(0.5), &demonstration, Seed(0))
 }
 
 fn train(mcpo: &mut Mcpo, iterations: usize, reward: fn(f64, f64) -> f64, rng: &mut Rng) -> Vec<Update> {
     (0..iterations)
         .map(|_| {
-            let batch = bandit::batch(mcpo.agent(), 512, reward, rng);
+            let batch = one_step::batch(mcpo.agent(), 512, reward, rng);
             mcpo.update(&batch, rng).expect("finite")
         })
         .collect()
@@ -48,7 +48,7 @@ fn a_reward_that_is_not_a_number_is_an_error_and_moves_nothing() {
     let mut mcpo = mcpo(Samples::DemoStates, 10.0);
     let before = mcpo.agent().policy.clone();
     let mut rng = Seed(0).stream(Stream::Update, 0);
-    let batch = bandit::batch(mcpo.agent(), 64, |_, _| f64::NAN, &mut rng);
+    let batch = one_step::batch(mcpo.agent(), 64, |_, _| f64::NAN, &mut rng);
     assert!(mcpo.update(&batch, &mut rng).is_err());
     assert_eq!(mcpo.agent().policy, before);
 }
@@ -60,7 +60,7 @@ fn it_learns_a_sparse_reward_that_ppo_never_sees() {
         let d = if samples == Samples::DemoStates { 5e-2 } else { 0.2 };
         let mut mcpo = mcpo(samples, d);
         train(&mut mcpo, 120, sparse, &mut Seed(0).stream(Stream::Update, 0));
-        let score = bandit::score(mcpo.agent(), sparse);
+        let score = one_step::score(mcpo.agent(), sparse);
         assert!(score > 0.8, "{samples:?}: {score}");
     }
     let hyperparameters = ppo::Hyperparameters {
@@ -68,13 +68,13 @@ fn it_learns_a_sparse_reward_that_ppo_never_sees() {
         minibatch: constant(128),
         ..ppo::Hyperparameters::for_env(EnvId::InvertedPendulum)
     };
-    let mut ppo = ppo::Ppo::new(hyperparameters, bandit::agent(0.5));
+    let mut ppo = ppo::Ppo::new(hyperparameters, one_step::agent(0.5));
     let mut rng = Seed(0).stream(Stream::Update, 0);
     for _ in 0..120 {
-        let batch = bandit::batch(ppo.agent(), 512, sparse, &mut rng);
+        let batch = one_step::batch(ppo.agent(), 512, sparse, &mut rng);
         ppo.update(&batch, &mut rng).expect("finite");
     }
-    assert_eq!(bandit::score(ppo.agent(), sparse), 0.0);
+    assert_eq!(one_step::score(ppo.agent(), sparse), 0.0);
 }
 
 #[test]
@@ -104,7 +104,7 @@ fn corrections_let_whole_steps_pass_along_the_bound() {
             epsilon: constant(0.0),
             ..hyperparameters(Samples::DemoStates, 1e-3)
         };
-        let mut mcpo = Mcpo::new(h, bandit::agent(0.5), &bandit::demonstration(100, |s| s), Seed(0));
+        let mut mcpo = Mcpo::new(h, one_step::agent(0.5), &one_step::demonstration(100, |s| s), Seed(0));
         let updates = train(&mut mcpo, 40, |s, a| a * s.abs(), &mut Seed(0).stream(Stream::Update, 0));
         let late = &updates[20..];
         assert!(late.iter().all(|update| update.mmd_after <= Some((1.0 + D_MARGIN) * 1e-3)), "{late:?}");
@@ -124,7 +124,7 @@ fn recovery_goes_as_far_below_the_tolerance_as_it_is_told() {
             recovery_steps: constant(5000),
             ..hyperparameters(Samples::DemoStates, 1e-2)
         };
-        let mut mcpo = Mcpo::new(h, bandit::agent(0.5), &bandit::demonstration(100, |s| s + 2.9), Seed(0));
+        let mut mcpo = Mcpo::new(h, one_step::agent(0.5), &one_step::demonstration(100, |s| s + 2.9), Seed(0));
         let update = &train(&mut mcpo, 1, sparse, &mut Seed(0).stream(Stream::Update, 0))[0];
         assert_eq!(update.case.as_deref(), Some("infeasible"));
         let after = update.mmd_after.expect("measured");
@@ -134,9 +134,9 @@ fn recovery_goes_as_far_below_the_tolerance_as_it_is_told() {
 
 #[test]
 fn a_relative_tolerance_is_a_share_of_what_doing_nothing_has() {
-    let demonstration = bandit::demonstration(100, |s| s + 1.0);
+    let demonstration = one_step::demonstration(100, |s| s + 1.0);
     let h = Hyperparameters { d: Tolerance::Relative(constant(0.25)), ..hyperparameters(Samples::DemoStates, 1.0) };
-    let mcpo = Mcpo::new(h, bandit::agent(0.5), &demonstration, Seed(0));
+    let mcpo = Mcpo::new(h, one_step::agent(0.5), &demonstration, Seed(0));
     let states = Standardizer::new(&demonstration.observations).standardize(&demonstration.observations);
     // Eq. (4) by plain loops, sigma 1.
     let kernel = |x: (f64, f64), y: (f64, f64)| (-((x.0 - y.0).powi(2) + (x.1 - y.1).powi(2)) / 2.0).exp();
@@ -152,11 +152,11 @@ fn a_relative_tolerance_is_a_share_of_what_doing_nothing_has() {
 /// Nothing is paid; D curves on the way, and the step that reaches the tolerance in the linear model does not in truth.
 #[test]
 fn a_step_that_falls_short_of_the_tolerance_is_followed_by_recovery() {
-    let demonstration = bandit::demonstration(100, |s| s + 1.2);
+    let demonstration = one_step::demonstration(100, |s| s + 1.2);
     let h = hyperparameters(Samples::DemoStates, 1e-3);
     let region = TrustRegion { max_kl: constant(2.0), ..h.region };
     let h = Hyperparameters { region, max_corrections: constant(0), ..h };
-    let mut mcpo = Mcpo::new(h, bandit::agent(0.5), &demonstration, Seed(0));
+    let mut mcpo = Mcpo::new(h, one_step::agent(0.5), &demonstration, Seed(0));
     let updates = train(&mut mcpo, 2, |_, _| 0.0, &mut Seed(0).stream(Stream::Update, 0));
     for update in &updates {
         assert!(update.mmd_after <= update.d.map(|d| (1.0 + D_MARGIN) * d), "{update:?}");
