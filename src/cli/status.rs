@@ -9,11 +9,11 @@ use std::{
 use comfy_table::Cell;
 
 use super::{
+    chosen::Chosen,
     complain,
     demo::counted,
     plan::{evaluated_otherwise, seconds_of, table, word},
     print,
-    selected::Selected,
 };
 use crate::{
     record::Claim,
@@ -27,12 +27,12 @@ use crate::{
 };
 
 /// Shows how far the campaign is.
-pub fn run(selected: &Selected) -> anyhow::Result<ExitCode> {
-    let specs = selected.load()?;
-    let planned = selected.planned(&specs)?;
+pub fn run(chosen: &Chosen) -> anyhow::Result<ExitCode> {
+    let specs = chosen.load()?;
+    let planned = chosen.planned(&specs)?;
     let states = planned.iter().map(Planned::state).collect::<Result<Vec<_>, _>>()?;
     // The files are the truth: without Slurm's word there is less to say, and no less to believe.
-    let cluster = match in_cluster(&specs, &selected.results, &planned, &states) {
+    let cluster = match in_cluster(&specs, &chosen.results, &planned, &states) {
         Ok(cluster) => cluster,
         Err(error) => {
             complain(&anyhow::Error::from(error).context("what follows is from the files of the runs alone"));
@@ -41,7 +41,7 @@ pub fn run(selected: &Selected) -> anyhow::Result<ExitCode> {
     };
     print(&render(&planned, &states, &cluster))?;
     if states.iter().all(|state| matches!(state, RunState::ToDo)) && cluster.is_empty() {
-        print(&selected.elsewhere(&specs))?;
+        print(&chosen.elsewhere(&specs))?;
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -8,9 +8,9 @@ use std::{
 use crate::{
     env::EnvId,
     escape,
-    plan::{self, RunSpec, Selection},
+    plan::{self, RunSpec},
     record,
-    spec::{Drawing, ExperimentSpec, Figure, Table, Width},
+    spec::{Drawing, ExperimentSpec, Figure, Key, Reference, Selection, Table, Width},
 };
 
 use super::{
@@ -52,7 +52,9 @@ pub struct Written {
 /// An experiment without figures or tables of its own gets learning curves and a table of all of its runs. A run that cannot be
 /// read is a failed one.
 ///
-/// Errors: nothing is recorded, the scope means no run, or the disk refuses.
+/// # Errors
+///
+/// Nothing is recorded, the scope means no run, or the disk refuses.
 pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Written, ReportError> {
     let (home, whole, plan) = planned(spec, results, scope)?;
     let identities = identities(&whole);
@@ -67,14 +69,14 @@ pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Wri
     let mut files = Files::in_folder(home.join(scope.folder()))?;
 
     let mut body = String::new();
-    let judged = (!spec.claims.is_empty()).then(|| ClaimsData::new(&spec.claims, &runs)).transpose()?;
+    let judged = (!spec.claims.is_empty()).then(|| ClaimsData::new(&spec.claims, &runs));
     if let Some(claims) = &judged {
         let markdown = text::claims::markdown(claims);
         files.table(CLAIMS, &markdown, text::claims::latex(CLAIMS, claims), &text::claims::csv(claims)?)?;
         body.push_str(&format!("\n#{markdown}"));
     }
-    let asked = tables.iter().map(|table| Ok((table, selected(&runs, table.only.as_deref())?)));
-    let made = TableData::of_report(&asked.collect::<Result<Vec<_>, ReportError>>()?);
+    let asked = tables.iter().map(|table| (table, selected(&runs, table.only.as_ref())));
+    let made = TableData::of_report(&asked.collect::<Vec<_>>());
     for (table, data) in tables.iter().zip(&made) {
         let markdown = text::markdown(data);
         files.table(&table.name, &markdown, text::latex(&table.name, data), &text::csv(data)?)?;
@@ -83,7 +85,7 @@ pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Wri
     }
     let mut settings = Vec::new();
     for table in &spec.settings_tables {
-        let data = SettingsData::new(table, &selected(&runs, table.only.as_deref())?);
+        let data = SettingsData::new(table, &selected(&runs, table.only.as_ref()));
         let markdown = text::settings::markdown(&data);
         files.table(&table.name, &markdown, text::settings::latex(&table.name, &data), &text::settings::csv(&data)?)?;
         body.push_str(&format!("\n#{markdown}"));
@@ -94,7 +96,7 @@ pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Wri
         let (picture, caption, curves) = match figure.y {
             Drawing::Step => (figure::step::draw(figure.width.map(Width::inches))?, String::new(), None),
             Drawing::Of(y) => {
-                let data = CurveData::new(figure, y, &selected(&runs, figure.only.as_deref())?, &identities)?;
+                let data = CurveData::new(figure, y, &selected(&runs, figure.only.as_ref()), &identities);
                 files.write(&format!("{}-curves", figure.name), "csv", &text::curves_csv(&data)?)?;
                 (figure::draw(&data), figure::notes(&data).all(), Some(data))
             }
@@ -171,7 +173,9 @@ pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Wri
 
 /// The folder of `spec` under `results`, its runs, and those of them that `scope` means.
 ///
-/// Errors: nothing is recorded, or the scope means no run.
+/// # Errors
+///
+/// Nothing is recorded, or the scope means no run.
 pub fn planned(
     spec: &ExperimentSpec,
     results: &Path,
@@ -206,8 +210,8 @@ pub fn figures(spec: &ExperimentSpec) -> Vec<Figure> {
         return spec.figures.clone();
     }
     vec![Figure {
-        series: vec!["algorithm".to_owned()],
-        reference: Some("table3".to_owned()),
+        series: vec![Key::Algorithm],
+        reference: Some(Reference::Table3),
         ..Figure::returns("returns", format!("{}: learning curves", spec.name))
     }]
 }
@@ -226,23 +230,21 @@ fn tables(spec: &ExperimentSpec, runs: &[Run]) -> Vec<Table> {
     if !(spec.figures.is_empty() && spec.tables.is_empty()) {
         return spec.tables.clone();
     }
-    let (env, algorithm) = ("env".to_owned(), "algorithm".to_owned());
     let runs: Vec<&Run> = runs.iter().collect();
-    let settings = axis::hidden_axes(&runs, &[env.clone(), algorithm.clone()]);
+    let settings = axis::hidden_axes(&runs, &[Key::Env, Key::Algorithm]);
     vec![Table {
         name: "returns".to_owned(),
         title: format!("{}: returns at the end of training", spec.name),
-        rows: [vec![env], settings].concat(),
-        columns: algorithm,
+        rows: [vec![Key::Env], settings].concat(),
+        columns: Key::Algorithm,
         only: None,
-        reference: Some("table3".to_owned()),
+        reference: Some(Reference::Table3),
     }]
 }
 
 /// The runs that `only` means; all where it is absent.
-pub fn selected<'a>(runs: &'a [Run], only: Option<&str>) -> Result<Vec<&'a Run>, ReportError> {
-    let selection = only.map(Selection::parse).transpose()?;
-    Ok(runs.iter().filter(|run| selection.as_ref().is_none_or(|selection| run.is_in(selection))).collect())
+pub fn selected<'a>(runs: &'a [Run], only: Option<&Selection>) -> Vec<&'a Run> {
+    runs.iter().filter(|run| only.is_none_or(|selection| run.is_in(selection))).collect()
 }
 
 /// Takes away the environments of which no run has ended, unless that is so of all, and names them: who asked for one

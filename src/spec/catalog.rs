@@ -3,7 +3,7 @@
 //! A key is checked by putting its value, alone, into a valid specimen of its type and reading that. So each wrong value
 //! of a file is found, not the first alone, and the types themselves are the only judge of what is allowed.
 
-use std::{borrow::Cow, ops::Range, sync::LazyLock};
+use std::{borrow::Cow, collections::BTreeSet, ops::Range, sync::LazyLock};
 
 use schemars::{JsonSchema, generate::SchemaSettings};
 use serde::{Serialize, de::DeserializeOwned};
@@ -23,12 +23,17 @@ use crate::{env::EnvId, quantity::constant};
 pub(super) struct Section {
     /// The JSON Schema of the type, with nothing left to references.
     schema: Json,
+    /// The dotted keys of all values.
+    leaves: BTreeSet<String>,
     /// A valid value of the type as TOML text, inside `tag` where there is one.
     specimen: String,
     /// The variant that holds the table, for algorithms.
     tag: Option<&'static str>,
-    read: fn(Spanned<DeTable<'_>>) -> Result<(), toml::de::Error>,
+    read: Read,
 }
+
+/// Reads a table as the section's type.
+type Read = fn(Spanned<DeTable<'_>>) -> Result<(), toml::de::Error>;
 
 /// Why a value was refused.
 #[derive(Debug, PartialEq)]
@@ -44,7 +49,7 @@ pub(super) struct Refusal {
 impl Section {
     /// The section of the type `T`.
     pub(super) fn of<T: Serialize + DeserializeOwned + JsonSchema>(specimen: &T) -> Self {
-        Self { schema: schema::<T>(), specimen: text(specimen), tag: None, read: read::<T> }
+        Self::new(schema::<T>(), text(specimen), None, read::<T>)
     }
 
     /// The section of an algorithm's hyperparameters.
@@ -55,7 +60,13 @@ impl Section {
             .and_then(|variants| variants.iter().find_map(|variant| variant["properties"].get(name)))
             .cloned()
             .expect("the schema of an externally tagged enum has every variant");
-        Self { schema, specimen: text(specimen), tag: Some(name), read: read::<Algorithm> }
+        Self::new(schema, text(specimen), Some(name), read::<Algorithm>)
+    }
+
+    fn new(schema: Json, specimen: String, tag: Option<&'static str>, read: Read) -> Self {
+        let mut leaves = BTreeSet::new();
+        collect_leaves(&schema, "", &mut leaves);
+        Self { schema, leaves, specimen, tag, read }
     }
 
     /// The JSON Schema of the key at `path`; `None` when there is no such key.
@@ -74,10 +85,8 @@ impl Section {
     }
 
     /// The dotted keys of all values.
-    pub(super) fn leaves(&self) -> Vec<String> {
-        let mut leaves = Vec::new();
-        collect_leaves(&self.schema, "", &mut leaves);
-        leaves
+    pub(super) fn leaves(&self) -> &BTreeSet<String> {
+        &self.leaves
     }
 
     /// Whether `value` may stand at `path`.
@@ -214,13 +223,13 @@ fn put<'a>(table: &mut DeTable<'a>, path: &[&str], value: Spanned<DeValue<'a>>) 
     }
 }
 
-fn collect_leaves(schema: &Json, prefix: &str, leaves: &mut Vec<String>) {
+fn collect_leaves(schema: &Json, prefix: &str, leaves: &mut BTreeSet<String>) {
     for (key, inner) in schema["properties"].as_object().into_iter().flatten() {
         let path = if prefix.is_empty() { key.clone() } else { format!("{prefix}.{key}") };
         if inner.get("properties").is_some() {
             collect_leaves(inner, &path, leaves);
         } else {
-            leaves.push(path);
+            leaves.insert(path);
         }
     }
 }
