@@ -24,7 +24,7 @@ pub struct Group<'a> {
 ///
 /// A default that is another in each environment, as Table 2's `d`, counts as one value where groups go across environments.
 pub fn group<'a>(runs: &[&'a Run], keys: &[Key]) -> Vec<Group<'a>> {
-    let across = !keys.iter().any(|key| *key == Key::Env);
+    let across = !keys.contains(&Key::Env);
     let by_env: Vec<bool> = keys.iter().map(|key| across && default_goes_by_environment(runs, key)).collect();
     let mut groups: Vec<Group<'a>> = Vec::new();
     let mut known: HashMap<String, usize> = HashMap::new();

@@ -62,7 +62,7 @@ impl TableData {
             .collect();
         let groups = axis::group(runs, &row_keys);
         let labels = axis::value_labels(&groups);
-        let one_env = row_keys.iter().any(|key| *key == Key::Env);
+        let one_env = row_keys.contains(&Key::Env);
         let rows = groups.iter().zip(labels).map(|(row, labels)| {
             let mut cells: Vec<Vec<&Run>> = vec![Vec::new(); columns.len()];
             for run in &row.runs {

@@ -1,35 +1,31 @@
 //! The files of a report.
 
+mod draft;
+
 use std::{
     collections::{BTreeMap, BTreeSet},
     path::{Path, PathBuf},
 };
 
+use draft::Draft;
+
+use super::{
+    ClaimsData, ReportError, Scope, TableData, axis, claims, curve,
+    files::Files,
+    identity::Identities,
+    notes,
+    page::{self, Contents},
+    recorded::{self, Loaded, Run, State},
+    settings::SettingsData,
+    statistics::StatisticsData,
+};
 use crate::{
     env::EnvId,
     escape,
     plan::{self, RunSpec},
     record,
-    spec::{Drawing, ExperimentSpec, Figure, Key, Reference, Selection, Table, Width},
+    spec::{ExperimentSpec, Figure, Key, Reference, Selection, Table},
 };
-
-use super::{
-    ClaimsData, CurveData, ReportError, Scope, TableData, axis, claims, curve, figure,
-    files::Files,
-    identity::Identities,
-    notes,
-    page::{self, Contents, Shows},
-    recorded::{self, Loaded, Run, State},
-    settings::SettingsData,
-    statistics::StatisticsData,
-    text,
-};
-
-/// The name of the files of claims.
-const CLAIMS: &str = "claims";
-/// Those of the files of summaries over environments.
-const STATISTICS: &str = "statistics";
-const PROFILE: &str = "statistics-profile";
 
 /// What was written of one experiment.
 #[derive(Debug, Clone, PartialEq)]
@@ -66,77 +62,30 @@ pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Wri
     let count = runs.len();
     let untouched = leave_out_untouched(&mut runs);
     let tables = tables(spec, &runs);
-    let mut files = Files::in_folder(home.join(scope.folder()))?;
+    let mut draft = Draft::new(Files::in_folder(home.join(scope.folder()))?);
 
-    let mut body = String::new();
     let judged = (!spec.claims.is_empty()).then(|| ClaimsData::new(&spec.claims, &runs));
-    if let Some(claims) = &judged {
-        let markdown = text::claims::markdown(claims);
-        files.table(CLAIMS, &markdown, text::claims::latex(CLAIMS, claims), &text::claims::csv(claims)?)?;
-        body.push_str(&format!("\n#{markdown}"));
-    }
+    judged.iter().try_for_each(|claims| draft.claims(claims))?;
     let asked = tables.iter().map(|table| (table, selected(&runs, table.only.as_ref())));
     let made = TableData::of_report(&asked.collect::<Vec<_>>());
     for (table, data) in tables.iter().zip(&made) {
-        let markdown = text::markdown(data);
-        files.table(&table.name, &markdown, text::latex(&table.name, data), &text::csv(data)?)?;
-        files.write(&format!("{}-seeds", table.name), "csv", &text::seeds_csv(data)?)?;
-        body.push_str(&format!("\n#{markdown}"));
+        draft.table(&table.name, data)?;
     }
     let mut settings = Vec::new();
     for table in &spec.settings_tables {
         let data = SettingsData::new(table, &selected(&runs, table.only.as_ref()));
-        let markdown = text::settings::markdown(&data);
-        files.table(&table.name, &markdown, text::settings::latex(&table.name, &data), &text::settings::csv(&data)?)?;
-        body.push_str(&format!("\n#{markdown}"));
+        draft.settings(&table.name, &data)?;
         settings.push((table.name.as_str(), data));
     }
-    let (mut unknown, mut shown) = (BTreeSet::new(), Vec::new());
+    let mut shown = Vec::new();
     for figure in &figures {
-        let (picture, caption, curves) = match figure.y {
-            Drawing::Step => (figure::step::draw(figure.width.map(Width::inches))?, String::new(), None),
-            Drawing::Of(y) => {
-                let data = CurveData::new(figure, y, &selected(&runs, figure.only.as_ref()), &identities);
-                files.write(&format!("{}-curves", figure.name), "csv", &text::curves_csv(&data)?)?;
-                (figure::draw(&data), figure::notes(&data).all(), Some(data))
-            }
-        };
-        unknown.extend(picture.without_glyph());
-        let svg = picture.svg().map_err(ReportError::Draw)?;
-        files.write(&figure.name, "png", &picture.png().map_err(ReportError::Draw)?)?;
-        files.write(&figure.name, "svg", svg.as_bytes())?;
-        let title = escape::markdown(&figure.title);
-        body.push_str(&format!("\n## {title}\n\n![{title}]({}.png)\n", figure.name));
-        if figure.width.is_some() {
-            files.write(&figure.name, "pdf", &picture.pdf().map_err(ReportError::Draw)?)?;
-            body.push_str(&format!("\n{}\n", escape::markdown(&caption))); // which print does not have in the picture
-        }
-        shown.push(page::Figure {
-            name: &figure.name,
-            title: &figure.title,
-            caption,
-            files: figure_files(figure),
-            shows: curves.map_or(Shows::Picture(svg), |data| Shows::Curves(Box::new(data))),
-        });
+        shown.push(draft.figure(figure, &runs, &identities)?);
     }
     let statistics = StatisticsData::new(&runs, &identities);
     if let Some(data) = &statistics {
-        let markdown = text::statistics::markdown(data);
-        files.table(STATISTICS, &markdown, text::statistics::latex(STATISTICS, data), &text::statistics::csv(data)?)?;
-        files.write(&format!("{PROFILE}-curves"), "csv", &text::curves_csv(&data.profile)?)?;
-        let picture = figure::draw(&data.profile);
-        files.write(PROFILE, "png", &picture.png().map_err(ReportError::Draw)?)?;
-        files.write(PROFILE, "svg", picture.svg().map_err(ReportError::Draw)?.as_bytes())?;
-        let title = &data.profile.title;
-        body.push_str(&format!("\n#{markdown}\n## {title}\n\n![{title}]({PROFILE}.png)\n"));
-        shown.push(page::Figure {
-            name: PROFILE,
-            title,
-            caption: figure::notes(&data.profile).all(),
-            files: vec![".png", ".svg", "-curves.csv"],
-            shows: Shows::Curves(Box::new(data.profile.clone())),
-        });
+        shown.push(draft.statistics(data)?);
     }
+    let Draft { mut files, body, unknown } = draft;
     let mut state = vec![finished(&runs, count, &untouched)];
     state.extend(scope.heading());
     state.extend(remarks);
@@ -195,13 +144,6 @@ pub fn planned(
         }
     }
     Ok((home, whole, plan))
-}
-
-/// How the names of the files of `figure` end.
-fn figure_files(figure: &Figure) -> Vec<&'static str> {
-    let (numbers, print) = (figure.y.measure().is_some(), figure.width.is_some());
-    let all = [(".png", true), (".svg", true), (".pdf", print), ("-curves.csv", numbers)];
-    all.into_iter().filter(|(_, has)| *has).map(|(extension, _)| extension).collect()
 }
 
 /// The figures of an experiment; its learning curves where it has neither figures nor tables.

@@ -88,7 +88,7 @@ fn compact(data: &TableData) -> Grid {
 
 /// What the rows are told apart by, in words.
 fn row_headers(data: &TableData) -> Vec<String> {
-    data.row_keys.iter().map(|key| axis::key_label(key)).collect()
+    data.row_keys.iter().map(axis::key_label).collect()
 }
 
 /// Rows by columns; below each row of ours, the paper's.
@@ -139,7 +139,7 @@ fn list(data: &TableData, each_seed: bool) -> Grid {
     let expects = has(|cell| cell.seeds > PaperValue::SEEDS && cell.comparison.is_some());
     let mut headers = row_headers(data);
     if several {
-        headers.extend(data.column_keys.first().map(|key| axis::key_label(key)));
+        headers.extend(data.column_keys.first().map(axis::key_label));
     }
     let names = headers.len();
     let asked = [
