@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use super::{demo::counted, print, selected::Selected};
+use super::{chosen::Chosen, demo::counted, print};
 use crate::schedule::{
     slurm::{
         self,
@@ -13,9 +13,9 @@ use crate::schedule::{
 };
 
 /// Cancels what the cluster has of the runs that are meant. Those under way write a checkpoint, and all can be submitted again.
-pub fn run(selected: &Selected) -> anyhow::Result<ExitCode> {
-    let specs = selected.load()?;
-    let planned = selected.planned(&specs)?;
+pub fn run(chosen: &Chosen) -> anyhow::Result<ExitCode> {
+    let specs = chosen.load()?;
+    let planned = chosen.planned(&specs)?;
     for spec in &specs {
         let mut open = Vec::new();
         for run in planned.iter().filter(|run: &&Planned| run.spec.experiment == spec.name) {
@@ -23,7 +23,7 @@ pub fn run(selected: &Selected) -> anyhow::Result<ExitCode> {
                 open.push(run);
             }
         }
-        let places = places(&selected.results, &spec.name, &open)?;
+        let places = places(&chosen.results, &spec.name, &open)?;
         let taken = || places.values().filter(|place| place.is_taken());
         let runs = taken().count();
         let mut count = 0;

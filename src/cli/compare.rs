@@ -8,9 +8,9 @@ use std::{
 use anyhow::{Context, bail};
 
 use super::{
+    chosen::InvalidFiles,
     print,
     report::{CONTRADICTED, terminal_width},
-    selected::InvalidFiles,
 };
 use crate::{
     plan::{self, Selection},

@@ -6,9 +6,9 @@
 //! Exit codes: 0 all good; 1 some runs failed; 2 usage or configuration; 3 a verdict or a claim failed, where `--strict` asks; 4 not
 //! reproduced; 130 interrupted, and resumable.
 
-mod again;
 mod bench;
 mod cancel;
+mod chosen;
 mod compare;
 mod completions;
 mod demo;
@@ -17,11 +17,11 @@ mod environment;
 mod eval;
 mod man;
 mod plan;
+mod recompute;
 mod report;
 mod reproduce;
 mod run;
 mod schema;
-mod selected;
 mod show;
 mod status;
 mod submit;
@@ -37,7 +37,7 @@ use std::{
 use clap::{CommandFactory, Parser, Subcommand};
 
 use crate::escape;
-use selected::{InvalidFiles, Selected};
+use chosen::{Chosen, InvalidFiles};
 
 /// Declarative experiments in reinforcement learning from imperfect demonstrations.
 ///
@@ -60,11 +60,11 @@ enum Command {
     /// Show every run, its id, its state and its cost; start nothing
     Plan(plan::PlanArguments),
     /// Show what has finished, is running, has failed (and why) and is still to do, and the time left; also during a campaign
-    Status(Selected),
+    Status(Chosen),
     /// Submit what is missing to a cluster, and exit
     Submit(submit::SubmitArguments),
     /// Cancel the runs that a cluster has; those under way write a checkpoint
-    Cancel(Selected),
+    Cancel(Chosen),
     /// Write tables, claims and figures from recorded files alone
     Report(report::ReportArguments),
     /// Compare two experiments, or two folders of results, cell by cell
@@ -118,9 +118,9 @@ fn dispatch(arguments: Arguments) -> anyhow::Result<ExitCode> {
     match arguments.command.unwrap_or(Command::Run(arguments.run)) {
         Command::Run(arguments) => run::run(&arguments),
         Command::Plan(arguments) => plan::run(&arguments),
-        Command::Status(selected) => status::run(&selected),
+        Command::Status(chosen) => status::run(&chosen),
         Command::Submit(arguments) => submit::run(&arguments),
-        Command::Cancel(selected) => cancel::run(&selected),
+        Command::Cancel(chosen) => cancel::run(&chosen),
         Command::Report(arguments) => report::run(&arguments),
         Command::Compare(arguments) => compare::run(&arguments),
         Command::Verify(arguments) => verify::run(&arguments),

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use comfy_table::{Cell, CellAlignment, Table, presets};
 
-use super::{demo::counted, print, selected::Selected};
+use super::{chosen::Chosen, demo::counted, print};
 use crate::{
     schedule::{
         cost::CostModel,
@@ -18,7 +18,7 @@ use crate::{
 #[derive(Debug, clap::Args)]
 pub struct PlanArguments {
     #[command(flatten)]
-    selected: Selected,
+    chosen: Chosen,
     /// Say for each run why it will or will not be run
     #[arg(long)]
     explain: bool,
@@ -26,8 +26,8 @@ pub struct PlanArguments {
 
 /// Shows every run.
 pub fn run(arguments: &PlanArguments) -> anyhow::Result<ExitCode> {
-    let specs = arguments.selected.load()?;
-    show(&specs, &arguments.selected.planned(&specs)?, arguments.explain)
+    let specs = arguments.chosen.load()?;
+    show(&specs, &arguments.chosen.planned(&specs)?, arguments.explain)
 }
 
 /// Shows the runs of a plan with their states and costs, and how many its files name twice.

@@ -12,7 +12,7 @@ use std::{
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use comfy_table::Table;
 
-use super::{print, selected::Selected};
+use super::{chosen::Chosen, print};
 use crate::{
     report::{
         self, ClaimRow, ClaimVerdict, Label, ReportError, Row, Scope, TableData, Verdict, Written, claims_text,
@@ -28,7 +28,7 @@ pub(super) const CONTRADICTED: u8 = 3;
 #[derive(Debug, clap::Args)]
 pub struct ReportArguments {
     #[command(flatten)]
-    selected: Selected,
+    chosen: Chosen,
     /// Exit with 3 where a value is better or worse than the paper's, or a claim of the file is contradicted
     #[arg(long)]
     strict: bool,
@@ -50,9 +50,9 @@ fn format() -> impl TypedValueParser<Value = Format> {
 
 /// Reports what `arguments` say.
 pub fn run(arguments: &ReportArguments) -> anyhow::Result<ExitCode> {
-    let Selected { only, axis, set, results, .. } = &arguments.selected;
+    let Chosen { only, axis, set, results, .. } = &arguments.chosen;
     let scope = Scope { only: only.clone(), axis: axis.clone(), set: set.clone() };
-    let experiments = arguments.selected.load()?;
+    let experiments = arguments.chosen.load()?;
     let formats: BTreeSet<Format> = arguments.export.iter().copied().collect();
     let formats: Vec<Format> = formats.into_iter().collect();
     let mut shown = Shown::Whole;

@@ -8,8 +8,8 @@ use std::{
 use anyhow::{Context, bail};
 
 use super::{
-    again::{Inexact, NOT_REPRODUCED, compute, inexact},
     print,
+    recompute::{Inexact, NOT_REPRODUCED, compute, inexact},
     show::provenance,
 };
 use crate::{

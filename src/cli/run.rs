@@ -4,7 +4,7 @@ use std::{collections::BTreeSet, path::Path, process::ExitCode, time::Duration};
 
 use anyhow::Context;
 
-use super::{complain, demo::counted, duration, plan, report, selected::Selected};
+use super::{chosen::Chosen, complain, demo::counted, duration, plan, report};
 use crate::{
     plan::RunSpec,
     report::Scope,
@@ -24,7 +24,7 @@ use crate::{
 #[derive(Debug, clap::Args)]
 pub struct RunArguments {
     #[command(flatten)]
-    selected: Selected,
+    chosen: Chosen,
     /// Runs at a time, one process each [default: the physical cores divided by the threads of each run]
     #[arg(long, short, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     jobs: Option<u16>,
@@ -63,9 +63,9 @@ pub struct RunArguments {
 
 /// Runs what is missing, then writes the reports.
 pub fn run(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
-    let selected = &arguments.selected;
-    let specs = selected.load()?;
-    let mut planned = selected.planned(&specs)?;
+    let chosen = &arguments.chosen;
+    let specs = chosen.load()?;
+    let mut planned = chosen.planned(&specs)?;
     if let Some(shard) = arguments.shard {
         planned = shard.of(planned);
     }
@@ -77,7 +77,7 @@ pub fn run(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
     if let Some(time) = arguments.max_time {
         stop = stop.or_after(time);
     }
-    let states = preflight::prepare(&planned, &selected.results, arguments.fresh)?;
+    let states = preflight::prepare(&planned, &chosen.results, arguments.fresh)?;
     let mut costs = CostModel::default();
     for (run, state) in planned.iter().zip(&states) {
         if let RunState::Finished(manifest) | RunState::ToExtend { shorter: manifest, .. } = state {
@@ -101,8 +101,8 @@ pub fn run(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
         };
         let seconds = pairs().map(|(run, state)| plan::seconds_of(run, state, &costs)).sum();
         let mut progress = Progress::new(Style::choose(arguments.quiet), arguments.verbose, due.len(), seconds);
-        progress.say(&greeting(&planned, &due, jobs, seconds, &selected.results));
-        let summary = local::run(&due, &selected.results, options, &costs, &stop, &mut progress)
+        progress.say(&greeting(&planned, &due, jobs, seconds, &chosen.results));
+        let summary = local::run(&due, &chosen.results, options, &costs, &stop, &mut progress)
             .context("cannot find this program's own file")?;
         progress.say(&farewell(planned.len(), due.len(), &summary));
         summary
@@ -116,8 +116,8 @@ pub fn run(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
         return Ok(if all_is_well { ExitCode::SUCCESS } else { ExitCode::FAILURE });
     }
     // Of the whole file: `--only` says what to run, not what to forget of what has run before.
-    let scope = Scope { axis: selected.axis.clone(), set: selected.set.clone(), ..Scope::default() };
-    let written = report::write(&specs, &selected.results, &scope, arguments.quiet)
+    let scope = Scope { axis: chosen.axis.clone(), set: chosen.set.clone(), ..Scope::default() };
+    let written = report::write(&specs, &chosen.results, &scope, arguments.quiet)
         .context("the runs are recorded, but not their report");
     if all_is_well {
         return written.map(|_| ExitCode::SUCCESS);

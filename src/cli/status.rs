@@ -9,11 +9,11 @@ use std::{
 use comfy_table::Cell;
 
 use super::{
+    chosen::Chosen,
     complain,
     demo::counted,
     plan::{evaluated_otherwise, seconds_of, table, word},
     print,
-    selected::Selected,
 };
 use crate::{
     record::Claim,
@@ -27,21 +27,22 @@ use crate::{
 };
 
 /// Shows how far the campaign is.
-pub fn run(selected: &Selected) -> anyhow::Result<ExitCode> {
-    let specs = selected.load()?;
-    let planned = selected.planned(&specs)?;
+pub fn run(chosen: &Chosen) -> anyhow::Result<ExitCode> {
+    let specs = chosen.load()?;
+    let planned = chosen.planned(&specs)?;
     let states = planned.iter().map(Planned::state).collect::<Result<Vec<_>, _>>()?;
     // The files are the truth: without Slurm's word there is less to say, and no less to believe.
-    let cluster = match in_cluster(&specs, &selected.results, &planned, &states) {
+    let cluster = match in_cluster(&specs, &chosen.results, &planned, &states) {
         Ok(cluster) => cluster,
         Err(error) => {
             complain(&anyhow::Error::from(error).context("what follows is from the files of the runs alone"));
             HashMap::new()
         }
     };
-    print(&render(&planned, &states, &cluster))?;
+    let survey = Survey::new(&planned, &states, &cluster);
+    print(&survey.render(&evaluated_otherwise(&planned, &states)))?;
     if states.iter().all(|state| matches!(state, RunState::ToDo)) && cluster.is_empty() {
-        print(&selected.elsewhere(&specs))?;
+        print(&chosen.elsewhere(&specs))?;
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -81,88 +82,112 @@ fn placed(state: &RunState, place: &Place) -> (Option<&'static str>, String) {
     }
 }
 
-fn render(planned: &[Planned], states: &[RunState], cluster: &HashMap<(String, String), Place>) -> String {
-    let mut costs = CostModel::default();
-    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
-    let placed: Vec<(Option<&'static str>, String)> = planned
-        .iter()
-        .zip(states)
-        .map(|(run, state)| {
+/// How far a campaign is.
+struct Survey {
+    /// The runs of which there is more to say than that they have finished or are to do.
+    lines: Vec<Line>,
+    /// How many runs are in each state.
+    counts: BTreeMap<&'static str, usize>,
+    /// How many are being worked on now.
+    running: usize,
+    /// Work that is left, in expected seconds of one process.
+    left: f64,
+    /// How many of those seconds the running processes do in a second.
+    rate: f64,
+}
+
+/// What there is to say of one run.
+struct Line {
+    name: String,
+    state: &'static str,
+    detail: String,
+}
+
+impl Survey {
+    /// How far the runs `planned` are, which are in these `states`; `cluster` tells more of some that have not finished.
+    fn new(planned: &[Planned], states: &[RunState], cluster: &HashMap<(String, String), Place>) -> Self {
+        let mut costs = CostModel::default();
+        for (run, state) in planned.iter().zip(states) {
+            if let RunState::Finished(manifest) | RunState::ToExtend { shorter: manifest, .. } = state {
+                costs.learn(&run.spec, manifest);
+            }
+        }
+        let mut survey = Self { lines: Vec::new(), counts: BTreeMap::new(), running: 0, left: 0.0, rate: 0.0 };
+        for (run, state) in planned.iter().zip(states) {
             let place = cluster.get(&(run.spec.experiment.clone(), run.spec.id.clone()));
-            place.map_or((None, String::new()), |place| placed(state, place))
-        })
-        .collect();
-    for ((run, state), (other_word, _)) in planned.iter().zip(states).zip(&placed) {
-        *counts.entry(other_word.unwrap_or(word(state))).or_default() += 1;
-        if let RunState::Finished(manifest) | RunState::ToExtend { shorter: manifest, .. } = state {
-            costs.learn(&run.spec, manifest);
+            let (other_word, more) = place.map_or((None, String::new()), |place| placed(state, place));
+            let word = other_word.unwrap_or(word(state));
+            *survey.counts.entry(word).or_default() += 1;
+            if !matches!(state, RunState::Finished(_) | RunState::Differs { .. }) {
+                survey.left += seconds_of(run, state, &costs);
+            }
+            if let RunState::Running(heartbeat) = state {
+                survey.running += 1;
+                let (seconds, steps) = (costs.seconds(&run.spec), run.spec.trained_steps().max(1) as f64);
+                // Before its first iteration it is taken to be as fast as expected.
+                let rate = heartbeat.as_ref().map(|heartbeat| heartbeat.steps_per_second * seconds / steps);
+                survey.rate += rate.unwrap_or(1.0);
+            }
+            // What is to do and waits nowhere is only counted.
+            let is_told = !matches!(state, RunState::ToDo) || other_word.is_some();
+            if let Some(detail) = detail(run, state).filter(|_| is_told) {
+                let parts = [detail, more].into_iter().filter(|text| !text.is_empty());
+                let name = format!("{}/{}", run.spec.experiment, run.spec.id);
+                survey.lines.push(Line { name, state: word, detail: parts.collect::<Vec<_>>().join("; ") });
+            }
         }
+        survey
     }
-    let mut lines = table(&["run", "state", ""]);
-    // Work that is left, in expected seconds, and how many of those the running processes do in a second.
-    let (mut left, mut rate, mut running) = (0.0, 0.0, 0);
-    for ((run, state), (other_word, more)) in planned.iter().zip(states).zip(&placed) {
-        let steps = run.spec.trained_steps();
-        if !matches!(state, RunState::Finished(_) | RunState::Differs { .. }) {
-            left += seconds_of(run, state, &costs);
+
+    /// The lines as a table, how many runs are in each state, and the time left; `otherwise` ends the last line.
+    fn render(&self, otherwise: &str) -> String {
+        let mut lines = table(&["run", "state", ""]);
+        for Line { name, state, detail } in &self.lines {
+            lines.add_row([name.as_str(), state, detail].map(Cell::new));
         }
-        let detail = match state {
-            RunState::Finished(_) => continue,
-            RunState::ToDo if other_word.is_none() => continue,
-            RunState::ToDo => String::new(),
-            RunState::Running(heartbeat) => {
-                running += 1;
-                let seconds = costs.seconds(&run.spec);
-                rate += heartbeat
-                    .as_ref()
-                    .map_or(1.0, |heartbeat| heartbeat.steps_per_second * seconds / steps.max(1) as f64);
-                heartbeat.as_ref().map_or_else(
-                    || "no iteration yet".to_owned(),
-                    |heartbeat| {
-                        let mean = heartbeat.training_return;
-                        let mean = mean.map_or_else(String::new, |mean| format!(", training return {mean:.1}"));
-                        format!(
-                            "{} of {} steps, {} steps/s{mean}{} (at {})",
-                            thousands(heartbeat.env_steps as f64),
-                            thousands(steps as f64),
-                            thousands(heartbeat.steps_per_second),
-                            worked_on(run),
-                            heartbeat.written,
-                        )
-                    },
-                )
-            }
-            RunState::Interrupted { env_steps } => {
-                format!("{} of {} steps", thousands(*env_steps as f64), thousands(steps as f64))
-            }
-            RunState::ToExtend { env_steps: Some(env_steps), .. } => {
-                format!("from {} to {} steps", thousands(*env_steps as f64), thousands(steps as f64))
-            }
-            RunState::ToExtend { shorter, env_steps: None } => {
-                let recorded = thousands(shorter.env_steps as f64);
-                format!(
-                    "from its start to {} steps: the last state of its {recorded} was not kept",
-                    thousands(steps as f64)
-                )
-            }
-            RunState::Failed(manifest) => manifest.error().unwrap_or("it did not finish").to_owned(),
-            RunState::Differs { keys } => format!("in {}", keys.join(", ")),
-            RunState::Unusable { reason } | RunState::Damaged { reason } => reason.clone(),
+        let counts: Vec<String> = self.counts.iter().map(|(word, count)| format!("{count} {word}")).collect();
+        let time = match self.running {
+            _ if self.left == 0.0 => String::new(),
+            0 => format!("; nothing is running now; about {} of work left", clock(self.left)),
+            _ if self.rate == 0.0 => "; time left not yet known".to_owned(),
+            n => format!("; about {} left at {n} at a time", clock(self.left / self.rate)),
         };
-        let name = format!("{}/{}", run.spec.experiment, run.spec.id);
-        let detail = [detail.as_str(), more].into_iter().filter(|text| !text.is_empty()).collect::<Vec<_>>().join("; ");
-        lines.add_row([Cell::new(name), Cell::new(other_word.unwrap_or(word(state))), Cell::new(detail)]);
+        let runs = counted(self.counts.values().sum(), "run");
+        let whole = format!("{runs}: {}{time}{otherwise}\n", counts.join(", "));
+        if self.lines.is_empty() { whole } else { format!("{lines}\n{whole}") }
     }
-    let counts: Vec<String> = counts.into_iter().map(|(word, count)| format!("{count} {word}")).collect();
-    let time = match running {
-        _ if left == 0.0 => String::new(),
-        0 => format!("; nothing is running now; about {} of work left", clock(left)),
-        _ if rate == 0.0 => "; time left not yet known".to_owned(),
-        n => format!("; about {} left at {n} at a time", clock(left / rate)),
-    };
-    let otherwise = evaluated_otherwise(planned, states);
-    let whole = format!("{}: {}{time}{otherwise}\n", counted(planned.len(), "run"), counts.join(", "));
-    if lines.row_count() == 0 { whole } else { format!("{lines}\n{whole}") }
+}
+
+/// What the files say of a run in `state`; `None` of one that has finished.
+fn detail(run: &Planned, state: &RunState) -> Option<String> {
+    let steps = thousands(run.spec.trained_steps() as f64);
+    Some(match state {
+        RunState::Finished(_) => return None,
+        RunState::ToDo => String::new(),
+        RunState::Running(None) => "no iteration yet".to_owned(),
+        RunState::Running(Some(heartbeat)) => {
+            let mean = heartbeat.training_return;
+            let mean = mean.map_or_else(String::new, |mean| format!(", training return {mean:.1}"));
+            format!(
+                "{} of {steps} steps, {} steps/s{mean}{} (at {})",
+                thousands(heartbeat.env_steps as f64),
+                thousands(heartbeat.steps_per_second),
+                worked_on(run),
+                heartbeat.written,
+            )
+        }
+        RunState::Interrupted { env_steps } => format!("{} of {steps} steps", thousands(*env_steps as f64)),
+        RunState::ToExtend { env_steps: Some(env_steps), .. } => {
+            format!("from {} to {steps} steps", thousands(*env_steps as f64))
+        }
+        RunState::ToExtend { shorter, env_steps: None } => {
+            let recorded = thousands(shorter.env_steps as f64);
+            format!("from its start to {steps} steps: the last state of its {recorded} was not kept")
+        }
+        RunState::Failed(manifest) => manifest.error().unwrap_or("it did not finish").to_owned(),
+        RunState::Differs { keys } => format!("in {}", keys.join(", ")),
+        RunState::Unusable { reason } | RunState::Damaged { reason } => reason.clone(),
+    })
 }
 
 /// On which machine a run is worked on, where that is told.

@@ -9,7 +9,7 @@ use std::{
 
 use anyhow::{Context, bail};
 
-use super::{demo::counted, plan::seconds_of, print, selected::Selected};
+use super::{chosen::Chosen, demo::counted, plan::seconds_of, print};
 use crate::{
     record::{now, write_atomically},
     schedule::{
@@ -39,7 +39,7 @@ enum Engine {
 #[derive(Debug, clap::Args)]
 pub struct SubmitArguments {
     #[command(flatten)]
-    selected: Selected,
+    chosen: Chosen,
     /// What runs the jobs
     #[arg(long, value_enum)]
     engine: Engine,
@@ -84,13 +84,13 @@ pub struct SubmitArguments {
 /// Submits what is missing of every experiment.
 pub fn run(arguments: &SubmitArguments) -> anyhow::Result<ExitCode> {
     let Engine::Slurm = arguments.engine;
-    let selected = &arguments.selected;
-    let files = selected.load_files()?;
+    let chosen = &arguments.chosen;
+    let files = chosen.load_files()?;
     let specs: Vec<ExperimentSpec> = files.iter().map(|(_, spec)| spec.clone()).collect();
-    let planned = selected.planned(&specs)?;
+    let planned = chosen.planned(&specs)?;
     let states = match arguments.dry_run {
         true => planned.iter().map(Planned::state).collect::<Result<Vec<_>, _>>()?,
-        false => preflight::prepare(&planned, &selected.results, arguments.fresh)?,
+        false => preflight::prepare(&planned, &chosen.results, arguments.fresh)?,
     };
     let mut costs = CostModel::default();
     for (run, state) in planned.iter().zip(&states) {
@@ -99,7 +99,7 @@ pub fn run(arguments: &SubmitArguments) -> anyhow::Result<ExitCode> {
         }
     }
     // Nodes know nothing of the folder in which this was called.
-    let results = std::path::absolute(&selected.results).context("cannot tell where the results are")?;
+    let results = std::path::absolute(&chosen.results).context("cannot tell where the results are")?;
     if results.as_os_str().as_encoded_bytes().contains(&b'\\') {
         bail!("{} has a backslash in its name, and Slurm cannot write logs there", results.display());
     }
@@ -192,7 +192,7 @@ impl Experiment<'_> {
     /// The arguments of the report.
     fn report(&self) -> Vec<OsString> {
         let mut report: Vec<OsString> = vec!["--results".into(), self.results.into()];
-        for (option, values) in [("--set", &self.arguments.selected.set), ("--axis", &self.arguments.selected.axis)] {
+        for (option, values) in [("--set", &self.arguments.chosen.set), ("--axis", &self.arguments.chosen.axis)] {
             report.extend(values.iter().map(|value| format!("{option}={value}").into()));
         }
         report.extend(["--".into(), self.path.into()]);

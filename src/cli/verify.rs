@@ -10,9 +10,9 @@ use std::{
 use anyhow::{Context, bail};
 
 use super::{
-    again::{Inexact, NOT_REPRODUCED, compute, inexact},
+    chosen::Chosen,
     print,
-    selected::Selected,
+    recompute::{Inexact, NOT_REPRODUCED, compute, inexact},
     told,
 };
 use crate::{
@@ -63,19 +63,19 @@ pub fn run(arguments: &VerifyArguments) -> anyhow::Result<ExitCode> {
     }
     let temporary = tempfile::tempdir().context("cannot make a temporary folder")?;
     let results = arguments.results.clone().unwrap_or_else(|| temporary.path().to_owned());
-    let selected = Selected {
+    let chosen = Chosen {
         paths: vec![arguments.path.clone()],
         set: Vec::new(),
         axis: Vec::new(),
         only: arguments.only.clone(),
         results,
     };
-    let specs = selected.load()?;
+    let specs = chosen.load()?;
     if specs.len() != 1 {
         bail!("{} holds {} experiments; one can be compared with one record", arguments.path.display(), specs.len());
     }
-    let planned = selected.planned(&specs)?;
-    if compute(&planned, &selected.results, arguments.jobs, arguments.quiet)?.interrupted {
+    let planned = chosen.planned(&specs)?;
+    if compute(&planned, &chosen.results, arguments.jobs, arguments.quiet)?.interrupted {
         return Ok(ExitCode::from(INTERRUPTED));
     }
     if arguments.record {

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::pages::Values;
+use super::values::Values;
 
 /// One entry a row; `None` where the file has a null.
 #[derive(Debug, Clone, PartialEq)]

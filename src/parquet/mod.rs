@@ -8,10 +8,12 @@
 
 mod cells;
 mod footer;
+mod hybrid;
 mod pages;
 mod table;
 mod thrift;
+mod values;
 
 pub(crate) use cells::{Cell, Cells};
-pub(crate) use pages::Values;
 pub(crate) use table::{MAX_NUMBERS, Table};
+pub(crate) use values::Values;

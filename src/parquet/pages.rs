@@ -1,162 +1,16 @@
 //! A column's pages: decompression, levels, values.
 
-use std::{io::Read, sync::Arc};
+use std::io::Read;
 
 use super::{
-    footer::{Chunk, Leaf, Physical},
+    footer::{Chunk, Leaf},
+    hybrid::hybrid,
     thrift::{Kind, Reader},
+    values::{Budget, Values},
 };
 
 /// The largest page, bytes once decompressed; writers make pages of about a megabyte.
 const MAX_PAGE: usize = 1 << 28;
-
-/// What a text takes beside its bytes.
-const ENTRY: usize = 32;
-
-/// A column's values, one after another.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) enum Values {
-    Bool(Vec<bool>),
-    I32(Vec<i32>),
-    I64(Vec<i64>),
-    F32(Vec<f32>),
-    F64(Vec<f64>),
-    Text(Vec<Arc<str>>),
-}
-
-impl Values {
-    /// None yet, of the type `physical`.
-    pub(super) fn none(physical: Physical) -> Self {
-        match physical {
-            Physical::Bool => Self::Bool(vec![]),
-            Physical::I32 => Self::I32(vec![]),
-            Physical::I64 => Self::I64(vec![]),
-            Physical::F32 => Self::F32(vec![]),
-            Physical::F64 => Self::F64(vec![]),
-            Physical::Bytes => Self::Text(vec![]),
-        }
-    }
-
-    /// None yet, of the same type.
-    fn none_yet(&self) -> Self {
-        match self {
-            Self::Bool(_) => Self::Bool(vec![]),
-            Self::I32(_) => Self::I32(vec![]),
-            Self::I64(_) => Self::I64(vec![]),
-            Self::F32(_) => Self::F32(vec![]),
-            Self::F64(_) => Self::F64(vec![]),
-            Self::Text(_) => Self::Text(vec![]),
-        }
-    }
-
-    /// Their type, as a message calls it.
-    pub(super) fn name(&self) -> &'static str {
-        match self {
-            Self::Bool(_) => "bool",
-            Self::I32(_) => "i32",
-            Self::I64(_) => "i64",
-            Self::F32(_) => "f32",
-            Self::F64(_) => "f64",
-            Self::Text(_) => "text",
-        }
-    }
-
-    /// How many there are.
-    pub(crate) fn len(&self) -> usize {
-        match self {
-            Self::Bool(values) => values.len(),
-            Self::I32(values) => values.len(),
-            Self::I64(values) => values.len(),
-            Self::F32(values) => values.len(),
-            Self::F64(values) => values.len(),
-            Self::Text(values) => values.len(),
-        }
-    }
-
-    /// As f64, truth values as 0 and 1; `None` of text.
-    pub(crate) fn widened(self) -> Option<Vec<f64>> {
-        Some(match self {
-            Self::Bool(values) => values.into_iter().map(|value| f64::from(u8::from(value))).collect(),
-            Self::I32(values) => values.into_iter().map(f64::from).collect(),
-            Self::I64(values) => values.into_iter().map(|value| value as f64).collect(),
-            Self::F32(values) => values.into_iter().map(f64::from).collect(),
-            Self::F64(values) => values,
-            Self::Text(_) => return None,
-        })
-    }
-
-    /// Appends `n` values that `bytes` hold one after another; text at the expense of `budget`.
-    fn extend_plain(&mut self, bytes: &[u8], n: usize, budget: &mut Budget) -> Result<(), String> {
-        fn words<const N: usize, T>(
-            bytes: &[u8],
-            n: usize,
-            of: fn([u8; N]) -> T,
-        ) -> Result<impl Iterator<Item = T>, String> {
-            let words = bytes.as_chunks::<N>().0;
-            let words = words.get(..n).ok_or("a page ends too early")?;
-            Ok(words.iter().map(move |&word| of(word)))
-        }
-        match self {
-            Self::Bool(values) => {
-                let bytes = bytes.get(..n.div_ceil(8)).ok_or("a page ends too early")?;
-                values.extend((0..n).map(|i| bytes[i / 8] >> (i % 8) & 1 == 1));
-            }
-            Self::I32(values) => values.extend(words(bytes, n, i32::from_le_bytes)?),
-            Self::I64(values) => values.extend(words(bytes, n, i64::from_le_bytes)?),
-            Self::F32(values) => values.extend(words(bytes, n, f32::from_le_bytes)?),
-            Self::F64(values) => values.extend(words(bytes, n, f64::from_le_bytes)?),
-            Self::Text(values) => {
-                let mut reader = Reader { rest: bytes };
-                for _ in 0..n {
-                    let text = std::str::from_utf8(prefixed(&mut reader)?).map_err(|_| "text that is not UTF-8")?;
-                    budget.spend_text(text.len() + ENTRY)?;
-                    values.push(text.into());
-                }
-            }
-        }
-        Ok(())
-    }
-
-    /// Appends the values of `dictionary` at `indices`; text at the expense of `budget`.
-    fn extend_from(&mut self, dictionary: &Self, indices: &[u32], budget: &mut Budget) -> Result<(), String> {
-        fn look_up<T: Clone>(values: &mut Vec<T>, dictionary: &[T], indices: &[u32]) -> Result<(), String> {
-            for &index in indices {
-                values.push(dictionary.get(index as usize).ok_or("a value is not in its dictionary")?.clone());
-            }
-            Ok(())
-        }
-        match (self, dictionary) {
-            (Self::Bool(values), Self::Bool(dictionary)) => look_up(values, dictionary, indices),
-            (Self::I32(values), Self::I32(dictionary)) => look_up(values, dictionary, indices),
-            (Self::I64(values), Self::I64(dictionary)) => look_up(values, dictionary, indices),
-            (Self::F32(values), Self::F32(dictionary)) => look_up(values, dictionary, indices),
-            (Self::F64(values), Self::F64(dictionary)) => look_up(values, dictionary, indices),
-            (Self::Text(values), Self::Text(dictionary)) => {
-                let before = values.len();
-                look_up(values, dictionary, indices)?;
-                values[before..].iter().try_for_each(|text| budget.spend_text(text.len()))
-            }
-            _ => Err("a dictionary is of another type than its column".into()),
-        }
-    }
-}
-
-/// What may still be read of a file, so that a small file cannot fill the memory.
-pub(super) struct Budget {
-    /// Values, gaps among them.
-    pub(super) numbers: usize,
-    /// Bytes that are decompressed.
-    pub(super) bytes: usize,
-    /// Bytes of text, as often as it stands in a row or a dictionary.
-    pub(super) text: usize,
-}
-
-impl Budget {
-    fn spend_text(&mut self, bytes: usize) -> Result<(), String> {
-        self.text = self.text.checked_sub(bytes).ok_or("more text than is read")?;
-        Ok(())
-    }
-}
 
 /// What has been read of a column.
 pub(super) struct Column {
@@ -276,8 +130,8 @@ fn data_page(
     } else {
         decompressed = decompress(chunk.codec, stored, size(page.size)?)?;
         let mut levels = Reader { rest: &decompressed };
-        let repetitions = if leaf.max_repetition > 0 { prefixed(&mut levels)? } else { &[] };
-        let definitions = if leaf.max_definition > 0 { prefixed(&mut levels)? } else { &[] };
+        let repetitions = if leaf.max_repetition > 0 { levels.prefixed()? } else { &[] };
+        let definitions = if leaf.max_definition > 0 { levels.prefixed()? } else { &[] };
         (repetitions, definitions, levels.rest)
     };
     let definitions = hybrid(definitions, definition_width, n)?;
@@ -307,7 +161,7 @@ fn data_page(
         }
         3 => match &mut column.values {
             Values::Bool(values) => {
-                let bits = hybrid(prefixed(&mut Reader { rest })?, 1, n_there)?;
+                let bits = hybrid(Reader { rest }.prefixed()?, 1, n_there)?;
                 values.extend(bits.into_iter().map(|bit| bit == 1));
                 Ok(())
             }
@@ -325,53 +179,6 @@ fn size(claimed: i64) -> Result<usize, String> {
 /// How many bits a level up to `most` takes.
 fn width(most: u32) -> u32 {
     u32::BITS - most.leading_zeros()
-}
-
-/// A run of bytes after its length in four bytes.
-fn prefixed<'a>(reader: &mut Reader<'a>) -> Result<&'a [u8], String> {
-    let length = reader.take(4)?;
-    reader.take(u32::from_le_bytes([length[0], length[1], length[2], length[3]]) as usize)
-}
-
-/// `n` numbers of `width` bits in Parquet's mixture of runs and packed groups of eight.
-fn hybrid(bytes: &[u8], width: u32, n: usize) -> Result<Vec<u32>, String> {
-    if width > 32 {
-        return Err(format!("numbers have {width} bits"));
-    }
-    let mut reader = Reader { rest: bytes };
-    let mut numbers = Vec::with_capacity(n);
-    if width == 0 {
-        numbers.resize(n, 0);
-    }
-    while numbers.len() < n {
-        let header = reader.varint()?;
-        let left = n - numbers.len();
-        if header & 1 == 0 {
-            let mut word = [0; 4];
-            let stored = reader.take(width.div_ceil(8) as usize)?;
-            word[..stored.len()].copy_from_slice(stored);
-            let run = usize::try_from(header >> 1).map_or(left, |run| run.min(left));
-            numbers.resize(numbers.len() + run, u32::from_le_bytes(word));
-        } else {
-            let packed = usize::try_from(header >> 1).map_or(left, |groups| groups.saturating_mul(8).min(left));
-            // The last group may be cut where no number is left.
-            let stored = (header >> 1).saturating_mul(u64::from(width)).min(reader.rest.len() as u64);
-            let stored = reader.take(stored as usize)?;
-            if (stored.len() as u64) * 8 < packed as u64 * u64::from(width) {
-                return Err("a page ends too early".into());
-            }
-            numbers.extend((0..packed as u64).map(|i| bits(stored, i * u64::from(width), width)));
-        }
-    }
-    Ok(numbers)
-}
-
-/// The `width` bits of `bytes` from bit `start` on, which must be there.
-fn bits(bytes: &[u8], start: u64, width: u32) -> u32 {
-    let first = (start / 8) as usize;
-    let last = bytes.len().min(first + 5);
-    let word = bytes[first..last].iter().rev().fold(0u64, |word, &byte| word << 8 | u64::from(byte));
-    (word >> (start % 8) & ((1u64 << width) - 1)) as u32
 }
 
 /// `stored` as it was before compression: `size` bytes.

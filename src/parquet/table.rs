@@ -5,7 +5,8 @@ use nalgebra::DMatrix;
 use super::{
     cells::Cells,
     footer::{Footer, Physical},
-    pages::{Budget, Column, Values, read_chunk},
+    pages::{Column, read_chunk},
+    values::{Budget, Values},
 };
 
 /// The most numbers read of a column: 256 MiB of f64, three hundred times what a demonstration of Ant's holds.

@@ -43,6 +43,12 @@ pub(super) struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
+    /// A run of bytes after its length in four bytes.
+    pub(super) fn prefixed(&mut self) -> Result<&'a [u8], String> {
+        let length = self.take(4)?;
+        self.take(u32::from_le_bytes([length[0], length[1], length[2], length[3]]) as usize)
+    }
+
     /// The next `n` bytes.
     pub(super) fn take(&mut self, n: usize) -> Result<&'a [u8], String> {
         let (taken, rest) = self.rest.split_at_checked(n).ok_or("it ends too early")?;

@@ -73,7 +73,9 @@ fn without_neutral(mut lines: BTreeMap<String, String>, later: &[(String, &str)]
 
 /// The run in `spec`, as a stamp holds it, also where an older program wrote it.
 ///
-/// Errors: it is no run, or of a program whose runs this one cannot read.
+/// # Errors
+///
+/// It is no run, or of a program whose runs this one cannot read.
 pub fn recorded(spec: &Value) -> Result<RunSpec, serde_json::Error> {
     serde_json::from_value(with_later(spec.clone(), &later()))
 }

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use toml::Value;
 
 use super::{ALWAYS, RunSpec, id::short};
-use crate::spec::{ExperimentSpec, Kind, Parameter};
+use crate::spec::{Axis, ExperimentSpec, Kind, Parameter};
 
 /// A run's value of an axis, of the type of its column; `None` where the run has no such thing.
 #[derive(Debug, Clone, PartialEq)]
@@ -28,8 +28,8 @@ pub enum AxisValue {
 /// `d.relative`.
 pub(super) fn keys(spec: &ExperimentSpec) -> Vec<String> {
     let mut keys: Vec<String> = Vec::new();
-    for (key, values) in spec.matrix.iter().flat_map(|block| &block.axes) {
-        let is_text = Parameter::find(key).is_none_or(|parameter| parameter.kind() == Kind::Text);
+    for Axis { parameter, values } in spec.matrix.iter().flat_map(|block| &block.axes) {
+        let (key, is_text) = (parameter.to_string(), parameter.kind() == Kind::Text);
         let forms = values.iter().filter(|_| !is_text).filter_map(Value::as_table).flat_map(toml::Table::keys);
         let own = Some(key.clone()).filter(|key| !ALWAYS.contains(&key.as_str()));
         for key in own.into_iter().chain(forms.map(|form| format!("{key}.{form}"))) {

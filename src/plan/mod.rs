@@ -26,7 +26,7 @@ pub use values::Values;
 use crate::{
     env::{EnvId, Reward},
     rng::Seed,
-    spec::{Algorithm, Budget, Checkpoint, Evaluation, ExperimentSpec, Network, ResolveError, Rollout, Settings},
+    spec::{Algorithm, Budget, Checkpoint, Evaluation, ExperimentSpec, Key, Network, ResolveError, Rollout, Settings},
 };
 
 /// One run, with nothing left to default.
@@ -91,7 +91,9 @@ const DEMONSTRATIONS: &str = "demonstrations";
 /// Every run of `spec`, each once: block after block, in each by environment, algorithm, axes (the last one fastest),
 /// and seed innermost. A run that several blocks name stands where the first one names it.
 ///
-/// Errors: a value cannot be resolved, which [`load`](crate::spec::load) would have refused, or two runs that differ
+/// # Errors
+///
+/// A value cannot be resolved, which [`load`](crate::spec::load) would have refused, or two runs that differ
 /// would have one id.
 pub fn plan(spec: &ExperimentSpec) -> Result<Vec<RunSpec>, PlanError> {
     let mut runs: Vec<RunSpec> = Vec::new();
@@ -103,9 +105,9 @@ pub fn plan(spec: &ExperimentSpec) -> Result<Vec<RunSpec>, PlanError> {
     for block in &spec.matrix {
         for (env, algorithm, axes) in block.combinations() {
             let (settings, algorithm) = spec.resolve(env, algorithm, &axes)?;
-            let keys: Vec<&str> = axes.iter().map(|(key, _)| *key).collect();
+            let keys: Vec<String> = axes.iter().map(|(parameter, _)| parameter.to_string()).collect();
             let files = demonstrations.entry(env).or_default();
-            files.extend(keys.contains(&DEMONSTRATIONS).then(|| settings.demonstrations.clone()));
+            files.extend(keys.iter().any(|key| key == DEMONSTRATIONS).then(|| settings.demonstrations.clone()));
             resolved.push((block, env, settings, algorithm, keys));
         }
     }
@@ -146,7 +148,7 @@ impl RunSpec {
         env: EnvId,
         settings: Settings,
         algorithm: Algorithm,
-        keys: &[&str],
+        keys: &[String],
         names: Names<'_>,
     ) -> Self {
         let demonstration = algorithm.uses_demonstration().then_some(settings.demonstrations);
@@ -168,7 +170,7 @@ impl RunSpec {
             checkpoint: settings.checkpoint,
         };
         let varied: BTreeMap<String, toml::Value> =
-            keys.iter().filter_map(|key| Some(((*key).to_owned(), run.axis(key, names)?))).collect();
+            keys.iter().filter_map(|key| Some((key.clone(), run.axis(key, names)?))).collect();
         run.id = format!("{env}/{}", id::folder(run.algorithm_name(), &varied));
         run.axes = ALWAYS.iter().filter_map(|key| Some(((*key).to_owned(), run.value(key)?))).chain(varied).collect();
         run
@@ -200,7 +202,7 @@ impl RunSpec {
     /// The resolved value of `env`, `algorithm`, `seed`, a setting (`budget.env_steps`) or a hyperparameter (`d`,
     /// `mcpo.max_kl`); `None` where this run has no such thing.
     pub fn value(&self, key: &str) -> Option<toml::Value> {
-        self.values().get(key)
+        self.values().get(&Key::parse(key)?)
     }
 
     /// All of its values, for looking up many.

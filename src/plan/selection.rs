@@ -5,9 +5,10 @@ use std::{collections::BTreeSet, path::Path};
 use toml::Value;
 
 use super::{
-    RunSpec, Selection, Values,
+    DEMONSTRATIONS, RunSpec, Selection, Values,
     id::{among, short},
 };
+use crate::spec::{Key, Parameter};
 
 impl Selection {
     /// Whether `run` is meant. Numbers are compared as numbers: `1e-3` is 0.001.
@@ -17,14 +18,14 @@ impl Selection {
 
     /// The same of a run whose values are known.
     pub fn matches_values(&self, run: &Values) -> bool {
-        let listed = |(key, values): &(String, Vec<Value>)| {
+        let listed = |(key, values): &(Key, Vec<Value>)| {
             run.get(key).is_some_and(|value| values.iter().any(|listed| same(key, &value, listed)))
         };
         self.wanted.iter().all(listed) && !self.unwanted.iter().any(listed)
     }
 }
 
-fn same(key: &str, value: &Value, wanted: &Value) -> bool {
+fn same(key: &Key, value: &Value, wanted: &Value) -> bool {
     equal(value, wanted) || wanted.as_str().is_some_and(|wanted| called(key, value, wanted))
 }
 
@@ -46,14 +47,19 @@ fn equal(one: &Value, other: &Value) -> bool {
 }
 
 /// Whether `wanted` is what `value` is called in the names of runs.
-fn called(key: &str, value: &Value, wanted: &str) -> bool {
+fn called(key: &Key, value: &Value, wanted: &str) -> bool {
     match value {
-        Value::String(path) if key == "demonstrations" => {
+        Value::String(path) if is_of_files(key) => {
             let whole = Path::new(path).with_extension("");
             whole.ends_with(wanted) || among(Path::new(path), &BTreeSet::new()) == wanted
         }
         _ => short(value) == wanted,
     }
+}
+
+/// Whether the values of `key` are files.
+fn is_of_files(key: &Key) -> bool {
+    matches!(key, Key::Parameter(Parameter::Setting(key)) if key == DEMONSTRATIONS)
 }
 
 fn number(value: &Value) -> Option<f64> {

@@ -1,7 +1,7 @@
 //! The resolved values of a run by their keys, made once for many look-ups.
 
 use super::RunSpec;
-use crate::spec::Parameter;
+use crate::spec::{Key, Parameter};
 
 /// What a run's keys stand for; see [`RunSpec::value`].
 #[derive(Debug, Clone, PartialEq)]
@@ -24,14 +24,13 @@ impl Values {
     }
 
     /// The value of `env`, `algorithm`, `seed`, a setting or a hyperparameter; `None` where the run has no such thing.
-    pub fn get(&self, key: &str) -> Option<toml::Value> {
+    pub fn get(&self, key: &Key) -> Option<toml::Value> {
         match key {
-            "algorithm" => Some(self.algorithm.into()),
-            "env" | "seed" => self.settings.get(key).cloned(),
-            _ => match Parameter::find(key)? {
-                Parameter::Setting(key) => look_up(&self.settings, &key),
-                parameter => look_up(&self.hyperparameters, parameter.hyperparameter_of(self.algorithm)?),
-            },
+            Key::Algorithm => Some(self.algorithm.into()),
+            Key::Env => self.settings.get("env").cloned(),
+            Key::Seed => self.settings.get("seed").cloned(),
+            Key::Parameter(Parameter::Setting(key)) => look_up(&self.settings, key),
+            Key::Parameter(parameter) => look_up(&self.hyperparameters, parameter.hyperparameter_of(self.algorithm)?),
         }
     }
 }

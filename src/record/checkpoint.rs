@@ -40,14 +40,18 @@ impl Checkpoint {
 
     /// Writes it, whole or not at all.
     ///
-    /// Errors: the disk refuses; the checkpoint before is then still there.
+    /// # Errors
+    ///
+    /// The disk refuses; the checkpoint before is then still there.
     pub fn write(&self, path: &Path, fingerprint: &str) -> Result<(), RecordError> {
         write_sealed(path, NAME, fingerprint, self)
     }
 
     /// Reads the checkpoint of the run with `fingerprint`; `None` where there is none.
     ///
-    /// Errors: it is of another version or run, or [damaged](RecordError::Damaged). The file is left alone.
+    /// # Errors
+    ///
+    /// It is of another version or run, or [damaged](RecordError::Damaged). The file is left alone.
     pub fn read(path: &Path, fingerprint: &str) -> Result<Option<Self>, RecordError> {
         read_sealed(path, NAME, fingerprint)
     }

@@ -58,7 +58,9 @@ enum End {
 impl Claim {
     /// Claims a run; `None` when somebody else holds it, and goes on to for a second.
     ///
-    /// Errors: the file of the claim cannot be made, or what is there is none.
+    /// # Errors
+    ///
+    /// The file of the claim cannot be made, or what is there is none.
     pub fn take(paths: &RunPaths) -> Result<Option<Self>, RecordError> {
         for left in (0..TRIES).rev() {
             if let Some(claim) = Self::take_now(&paths.claim)? {
@@ -73,7 +75,9 @@ impl Claim {
 
     /// Claims whatever the file at `place` stands for; `None` when somebody else holds it.
     ///
-    /// Errors: as for [`take`](Self::take).
+    /// # Errors
+    ///
+    /// As for [`take`](Self::take).
     pub fn take_now(place: &Path) -> Result<Option<Self>, RecordError> {
         let folder = place.parent().unwrap_or(Path::new("."));
         fs::create_dir_all(folder).map_err(io_error("claim", place))?;
@@ -104,14 +108,18 @@ impl Claim {
 
     /// Whether somebody holds the claim; takes none and writes nothing.
     ///
-    /// Errors: its file is there and cannot be read.
+    /// # Errors
+    ///
+    /// Its file is there and cannot be read.
     pub fn is_held(paths: &RunPaths) -> Result<bool, RecordError> {
         Ok(Self::owner(paths)?.is_some())
     }
 
     /// Who holds the claim.
     ///
-    /// Errors: as for [`is_held`](Self::is_held).
+    /// # Errors
+    ///
+    /// As for [`is_held`](Self::is_held).
     pub fn owner(paths: &RunPaths) -> Result<Option<Owner>, RecordError> {
         // By this machine's clock, which may be wrong by less than the silence that counts.
         Ok(match end(&paths.claim, SystemTime::now())? {

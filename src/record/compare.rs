@@ -47,7 +47,9 @@ pub struct Difference {
 ///
 /// The policies are compared by their digests, so that a record may do without the file.
 ///
-/// Errors: a file is missing or not what its name says.
+/// # Errors
+///
+/// A file is missing or not what its name says.
 pub fn runs(recorded: &Path, computed: &Path, exactness: Exactness) -> Result<Option<Difference>, RecordError> {
     for table in [RunPaths::progress, RunPaths::evaluations] {
         let difference = tables(&table(recorded), &table(computed), exactness)?;
@@ -63,7 +65,9 @@ pub fn runs(recorded: &Path, computed: &Path, exactness: Exactness) -> Result<Op
 
 /// The first difference between two tables of rows of one kind.
 ///
-/// Errors: a file is missing or no table of results.
+/// # Errors
+///
+/// A file is missing or no table of results.
 pub fn tables(recorded: &Path, computed: &Path, exactness: Exactness) -> Result<Option<Difference>, RecordError> {
     let (before, now) = (rows::read(recorded)?, rows::read(computed)?);
     let columns = |path, table: &Table| Columns::of(table).map_err(|reason| rows::malformed(path, reason));
@@ -73,7 +77,9 @@ pub fn tables(recorded: &Path, computed: &Path, exactness: Exactness) -> Result<
 
 /// The difference between two policies.
 ///
-/// Errors: a file is missing or no policy.
+/// # Errors
+///
+/// A file is missing or no policy.
 pub fn policies(recorded: &Path, computed: &Path) -> Result<Option<Difference>, RecordError> {
     Ok(differing("policy", "digest", Some(policy::digest(recorded)?), Some(policy::digest(computed)?)))
 }

@@ -24,7 +24,9 @@ impl Heartbeat {
     /// Writes it. Neither synced nor renamed: it is worth nothing after a power cut, and one that is read half-written
     /// counts as absent.
     ///
-    /// Errors: the disk refuses.
+    /// # Errors
+    ///
+    /// The disk refuses.
     pub fn write(&self, path: &Path) -> Result<(), RecordError> {
         let text = serde_json::to_vec(self).map_err(|error| io_error("write", path)(error.into()))?;
         let options = OpenOptions::new().write(true).create(true).truncate(true).clone();

@@ -42,7 +42,9 @@ pub struct TableDigests {
 impl TableDigests {
     /// Those of the tables in `folder`.
     ///
-    /// Errors: one is missing or cannot be read.
+    /// # Errors
+    ///
+    /// One is missing or cannot be read.
     pub fn of(folder: &Path) -> Result<Self, RecordError> {
         let digest = |path: &Path| {
             let bytes = read_bounded(path, rows::LIMIT)?;
@@ -119,7 +121,9 @@ impl Manifest {
 
     /// Reads `run.json`; `None` where there is none.
     ///
-    /// Errors: it is there and cannot be read, or is not a manifest.
+    /// # Errors
+    ///
+    /// It is there and cannot be read, or is not a manifest.
     pub fn read(path: &Path) -> Result<Option<Self>, RecordError> {
         let Some(bytes) = read_bounded(path, LIMIT)? else { return Ok(None) };
         let manifest = serde_json::from_slice(&bytes).map_err(|error| RecordError::Malformed {
@@ -132,7 +136,9 @@ impl Manifest {
 
     /// Writes it, whole or not at all.
     ///
-    /// Errors: the disk refuses.
+    /// # Errors
+    ///
+    /// The disk refuses.
     pub fn write(&self, path: &Path) -> Result<(), RecordError> {
         let mut bytes = serde_json::to_vec_pretty(self).map_err(|error| RecordError::Malformed {
             path: path.to_owned(),
@@ -151,7 +157,9 @@ impl Manifest {
         }
     }
 
-    /// Errors: a table of this finished run in `folder` is missing or not what was recorded; nothing is known of those that an
+    /// # Errors
+    ///
+    /// A table of this finished run in `folder` is missing or not what was recorded; nothing is known of those that an
     /// older program wrote.
     pub fn check_tables(&self, folder: &Path) -> Result<(), RecordError> {
         let Some(recorded) = &self.tables else { return Ok(()) };

@@ -110,7 +110,9 @@ pub(crate) fn io_error(action: &'static str, path: &Path) -> impl FnOnce(io::Err
 /// Writes a file whole or not at all: beside its place, synced, renamed. Whoever reads `path` at any instant, after a power
 /// cut too, finds the old content or the new.
 ///
-/// Errors: the folder is missing, full or not writable; `path` is then as it was.
+/// # Errors
+///
+/// The folder is missing, full or not writable; `path` is then as it was.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), RecordError> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let mut file = beside(folder).map_err(io_error("write", path))?;

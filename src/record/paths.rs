@@ -30,7 +30,9 @@ pub struct RunPaths {
 impl RunPaths {
     /// The places of run `id` of `experiment` under the folder `results`.
     ///
-    /// Errors: a name would lead elsewhere (`..`, `/x`, empty ...), or would be taken for a folder of the program's own.
+    /// # Errors
+    ///
+    /// A name would lead elsewhere (`..`, `/x`, empty ...), or would be taken for a folder of the program's own.
     pub fn new(results: &Path, experiment: &str, id: &str) -> Result<Self, RecordError> {
         let folder = experiment_folder(results, experiment)?;
         let mut complete = folder.join("runs");
@@ -114,7 +116,9 @@ impl RunPaths {
 
     /// The manifest of this run, if it has ended; `None` when it has not.
     ///
-    /// Errors: it is there and cannot be read.
+    /// # Errors
+    ///
+    /// It is there and cannot be read.
     pub fn ended(&self) -> Result<Option<Manifest>, RecordError> {
         Manifest::read(&Self::manifest(&self.complete))
     }
@@ -123,7 +127,9 @@ impl RunPaths {
     /// that finished is left as it is; the longer run gets its log and the policies that it kept. Files that a killed process was
     /// writing are removed; only the holder of the claim may call this.
     ///
-    /// Errors: the folders cannot be made, renamed or read.
+    /// # Errors
+    ///
+    /// The folders cannot be made, renamed or read.
     pub fn open(&self) -> Result<(), RecordError> {
         self.refuse_links()?;
         self.settle()?;
@@ -151,7 +157,9 @@ impl RunPaths {
     /// on from, and no tables: whoever scans them must not meet half a run. Where a shorter run has finished, a failure leaves
     /// that in its place.
     ///
-    /// Errors: the disk refuses; everything is still in [`partial`](Self::partial) then.
+    /// # Errors
+    ///
+    /// The disk refuses; everything is still in [`partial`](Self::partial) then.
     pub fn close(&self, manifest: &Manifest) -> Result<(), RecordError> {
         if manifest.outcome == Outcome::Finished {
             manifest.write(&Self::manifest(&self.partial))?;
@@ -170,7 +178,9 @@ impl RunPaths {
     /// Puts a run whose last word says that it finished into its place, in the place of a shorter one if need be: also where
     /// the process that wrote it was killed before it could. Only the holder of the claim may call this.
     ///
-    /// Errors: the disk refuses; the next call goes on from there.
+    /// # Errors
+    ///
+    /// The disk refuses; the next call goes on from there.
     pub fn settle(&self) -> Result<(), RecordError> {
         let manifest = Manifest::read(&Self::manifest(&self.partial))?;
         if manifest.is_some_and(|manifest| manifest.outcome == Outcome::Finished) {
@@ -233,7 +243,9 @@ impl RunPaths {
     /// Renames whatever there is of the run to `<id>.old-<n>`, and gives the new names. Its Parquet files get the ending
     /// `.old`, so that scans over `**/progress.parquet` do not count the run twice.
     ///
-    /// Errors: a rename fails.
+    /// # Errors
+    ///
+    /// A rename fails.
     pub fn set_aside(&self) -> Result<Vec<PathBuf>, RecordError> {
         let mut aside = Vec::new();
         for folder in [&self.complete, &self.partial] {
@@ -258,7 +270,9 @@ impl RunPaths {
 
 /// `<results>/<experiment>`.
 ///
-/// Errors: the name would lead elsewhere.
+/// # Errors
+///
+/// The name would lead elsewhere.
 pub fn experiment_folder(results: &Path, experiment: &str) -> Result<PathBuf, RecordError> {
     check(experiment)?;
     Ok(results.join(experiment))
@@ -266,7 +280,9 @@ pub fn experiment_folder(results: &Path, experiment: &str) -> Result<PathBuf, Re
 
 /// Makes `results` if need be, and writes and removes a file in it.
 ///
-/// Errors: it is no folder, or cannot be written to.
+/// # Errors
+///
+/// It is no folder, or cannot be written to.
 pub fn check_writable(results: &Path) -> Result<(), RecordError> {
     fs::create_dir_all(results).map_err(io_error("create", results))?;
     let probe = results.join(".writable");

@@ -23,7 +23,9 @@ const LIMIT: u64 = 1 << 30;
 
 /// Writes `agent`; its bytes depend on the agent and the run alone, not on when or how the program was called.
 ///
-/// Errors: the disk refuses, or a parameter is not finite.
+/// # Errors
+///
+/// The disk refuses, or a parameter is not finite.
 pub fn write(path: &Path, agent: &Agent, stamp: &Stamp) -> Result<(), RecordError> {
     let bytes = encode(agent, stamp).map_err(|reason| malformed(path, reason))?;
     write_atomically(path, &bytes)
@@ -31,14 +33,18 @@ pub fn write(path: &Path, agent: &Agent, stamp: &Stamp) -> Result<(), RecordErro
 
 /// Reads a policy and the stamp of the run that it comes from.
 ///
-/// Errors: there is no such file, it is damaged, its shapes do not fit together, or a number is not finite.
+/// # Errors
+///
+/// There is no such file, it is damaged, its shapes do not fit together, or a number is not finite.
 pub fn read(path: &Path) -> Result<(Agent, Stamp), RecordError> {
     decode(&bytes(path)?).map_err(|reason| malformed(path, reason))
 }
 
 /// As [`read`], where it must be able to act within `spaces`.
 ///
-/// Errors: also its observations or actions have another number of numbers.
+/// # Errors
+///
+/// Also its observations or actions have another number of numbers.
 pub fn read_for(path: &Path, spaces: Spaces) -> Result<(Agent, Stamp), RecordError> {
     let (agent, stamp) = read(path)?;
     let found = (agent.normalizer.mean().len(), agent.policy.log_std().len());
@@ -52,7 +58,9 @@ pub fn read_for(path: &Path, spaces: Spaces) -> Result<(Agent, Stamp), RecordErr
 
 /// The BLAKE3 digest of the numbers in a policy's file, whatever it says beside them.
 ///
-/// Errors: there is no such file, or it is damaged.
+/// # Errors
+///
+/// There is no such file, or it is damaged.
 pub fn digest(path: &Path) -> Result<String, RecordError> {
     let bytes = bytes(path)?;
     let tensors = SafeTensors::deserialize(&bytes).map_err(|error| malformed(path, error.to_string()))?;

@@ -26,7 +26,9 @@ const NAME: &str = "mcpo-run pre-trained agent";
 ///
 /// A file that is damaged is replaced, with a warning in the log.
 ///
-/// Errors: training's own, or the folder cannot be written to.
+/// # Errors
+///
+/// Training's own, or the folder cannot be written to.
 pub fn pretrained(
     folder: &Path,
     key: &str,

@@ -19,7 +19,9 @@ impl UnderWay {
     /// The rows of the run at `paths`; `None` where none is under way or interrupted, or it has no checkpoint yet. A finished run
     /// that is being extended has both: its tables, and the longer run's rows here.
     ///
-    /// Errors: its files are damaged or of another program.
+    /// # Errors
+    ///
+    /// Its files are damaged or of another program.
     pub fn read(paths: &RunPaths) -> Result<Option<Self>, RecordError> {
         let Some(manifest) = Manifest::read(&RunPaths::manifest(&paths.partial))? else { return Ok(None) };
         let checkpoint = Checkpoint::read(&RunPaths::checkpoint(&paths.partial), &manifest.stamp.fingerprint)?;

@@ -6,7 +6,10 @@
 use std::collections::{BTreeSet, HashMap};
 
 use super::recorded::Run;
-use crate::{env::EnvId, plan::Selection, spec::Algorithm};
+use crate::{
+    env::EnvId,
+    spec::{Algorithm, Key, Parameter, Selection},
+};
 
 /// Runs that agree on all keys of a grouping; they differ in their seeds.
 #[derive(Debug, Clone, PartialEq)]
@@ -20,13 +23,13 @@ pub struct Group<'a> {
 /// Groups `runs` by the values of `keys`, in the order in which the groups first appear.
 ///
 /// A default that is another in each environment, as Table 2's `d`, counts as one value where groups go across environments.
-pub fn group<'a>(runs: &[&'a Run], keys: &[String]) -> Vec<Group<'a>> {
-    let across = !keys.iter().any(|key| key == "env");
+pub fn group<'a>(runs: &[&'a Run], keys: &[Key]) -> Vec<Group<'a>> {
+    let across = !keys.contains(&Key::Env);
     let by_env: Vec<bool> = keys.iter().map(|key| across && default_goes_by_environment(runs, key)).collect();
     let mut groups: Vec<Group<'a>> = Vec::new();
     let mut known: HashMap<String, usize> = HashMap::new();
     for &run in runs {
-        let value = |(key, by_env): (&String, &bool)| run.value(key).filter(|_| !by_env || run.departs_in(key));
+        let value = |(key, by_env): (&Key, &bool)| run.value(key).filter(|_| !by_env || run.departs_in(key));
         let values: Vec<_> = keys.iter().zip(&by_env).map(value).collect();
         match known.get(&format!("{values:?}")) {
             Some(&index) => groups[index].runs.push(run),
@@ -40,25 +43,26 @@ pub fn group<'a>(runs: &[&'a Run], keys: &[String]) -> Vec<Group<'a>> {
 }
 
 /// Whether `key` has several defaults among `runs`, none of which was chosen where it is not the default.
-fn default_goes_by_environment(runs: &[&Run], key: &str) -> bool {
+fn default_goes_by_environment(runs: &[&Run], key: &Key) -> bool {
     let (chosen, defaults): (Vec<&Run>, Vec<&Run>) = runs.iter().copied().partition(|run| run.departs_in(key));
     let values =
         |runs: &[&Run]| runs.iter().filter_map(|run| Some(run.value(key)?.to_string())).collect::<BTreeSet<_>>();
     let defaults = values(&defaults);
-    key != "algorithm" && !chosen.is_empty() && defaults.len() > 1 && defaults.is_disjoint(&values(&chosen))
+    *key != Key::Algorithm && !chosen.is_empty() && defaults.len() > 1 && defaults.is_disjoint(&values(&chosen))
 }
 
 /// The axes, other than the seed and `keys`, in which runs differ that agree on `keys`.
 ///
 /// Runs that differ in more than their seed are never averaged: these axes have to become keys too. The algorithm is one
 /// wherever there are several, since the others alone would not name a group that does not have them.
-pub fn hidden_axes(runs: &[&Run], keys: &[String]) -> Vec<String> {
+pub fn hidden_axes(runs: &[&Run], keys: &[Key]) -> Vec<Key> {
     let axes: BTreeSet<&String> = runs.iter().flat_map(|run| run.spec.axes.keys()).collect();
-    let candidates = ["env".to_owned(), "algorithm".to_owned()].into_iter().chain(axes.into_iter().cloned());
-    let mut hidden: Vec<String> = Vec::new();
-    for candidate in candidates.filter(|key| key != "seed" && !keys.contains(key)) {
-        let known: Vec<String> = match candidate.as_str() {
-            "algorithm" => Vec::new(),
+    let axes = axes.into_iter().filter_map(|name| Key::parse(name));
+    let candidates = [Key::Env, Key::Algorithm].into_iter().chain(axes);
+    let mut hidden: Vec<Key> = Vec::new();
+    for candidate in candidates.filter(|key| *key != Key::Seed && !keys.contains(key)) {
+        let known: Vec<Key> = match candidate {
+            Key::Algorithm => Vec::new(),
             _ => keys.iter().chain(&hidden).cloned().collect(),
         };
         let varies = group(runs, &known).iter().any(|group| {
@@ -82,7 +86,7 @@ pub struct Label {
 }
 
 /// One label a group, from those keys whose value tells the groups apart (`MCPO`, `d = 10⁻³, ε = 0`).
-pub fn labels(keys: &[String], groups: &[Group<'_>]) -> Vec<Label> {
+pub fn labels(keys: &[Key], groups: &[Group<'_>]) -> Vec<Label> {
     let tells_apart = |index: usize| groups.iter().any(|group| group.values[index] != groups[0].values[index]);
     let mut shown: Vec<usize> = (0..keys.len()).filter(|&index| tells_apart(index)).collect();
     if shown.is_empty() {
@@ -91,8 +95,8 @@ pub fn labels(keys: &[String], groups: &[Group<'_>]) -> Vec<Label> {
     let texts = value_labels(groups).into_iter().map(|texts| {
         let part = |index: usize| {
             let text = texts[index].as_ref()?;
-            Some(match keys[index].as_str() {
-                "algorithm" | "env" => display_name(text).to_owned(),
+            Some(match &keys[index] {
+                Key::Algorithm | Key::Env => display_name(text).to_owned(),
                 key => format!("{} = {text}", key_label(key)),
             })
         };
@@ -115,22 +119,30 @@ pub fn value_labels(groups: &[Group<'_>]) -> Vec<Vec<Option<String>>> {
 }
 
 /// What to call axis `key`: the paper's symbol, or the last part of its path in words.
-pub fn key_label(key: &str) -> String {
+pub fn key_label(key: &Key) -> String {
     match key {
-        "epsilon" => "ε".to_owned(),
-        "env" => "environment".to_owned(),
-        "reward" => "sparsification".to_owned(),
-        _ => key.rsplit('.').next().unwrap_or(key).replace('_', " "),
+        Key::Env => "environment".to_owned(),
+        Key::Parameter(parameter) => parameter_label(parameter),
+        Key::Algorithm | Key::Seed => key.last_part().to_owned(),
+    }
+}
+
+/// The same of a setting or hyperparameter.
+pub fn parameter_label(parameter: &Parameter) -> String {
+    match parameter {
+        Parameter::Shared(key) if key == "epsilon" => "ε".to_owned(),
+        Parameter::Setting(key) if key == "reward" => "sparsification".to_owned(),
+        _ => parameter.last_part().replace('_', " "),
     }
 }
 
 /// What the runs of `selection` have in common: `ε = 0`, `MCPO or PPO, d = 10⁻³`, `not PPO, d ≠ 10⁻³`.
 pub fn selection_label(selection: &Selection) -> String {
-    let part = |(key, values): &(String, Vec<toml::Value>), not: &str, sign: &str| {
+    let part = |(key, values): &(Key, Vec<toml::Value>), not: &str, sign: &str| {
         let notation = Notation::of(values);
         let names: Vec<String> = values.iter().map(|value| display_name(&notation.label(value)).to_owned()).collect();
-        match key.as_str() {
-            "algorithm" | "env" => format!("{not}{}", names.join(" or ")),
+        match key {
+            Key::Algorithm | Key::Env => format!("{not}{}", names.join(" or ")),
             key => format!("{} {sign} {}", key_label(key), names.join(" or ")),
         }
     };
@@ -235,7 +247,7 @@ mod tests {
     use super::*;
     use crate::report::fixture;
 
-    fn texts(keys: &[String], groups: &[Group<'_>]) -> Vec<String> {
+    fn texts(keys: &[Key], groups: &[Group<'_>]) -> Vec<String> {
         labels(keys, groups).into_iter().map(|label| label.text).collect()
     }
 
@@ -257,15 +269,15 @@ mod tests {
             fixture::ppo("HalfCheetah-v2", 0),
         ];
         let runs: Vec<&Run> = runs.iter().collect();
-        assert_eq!(hidden_axes(&runs, &["env".into()]), ["algorithm", "d"]);
-        assert_eq!(hidden_axes(&runs, &["env".into(), "algorithm".into(), "d".into()]), [""; 0]);
+        assert_eq!(hidden_axes(&runs, &[Key::Env]), [Key::Algorithm, "d".into()]);
+        assert_eq!(hidden_axes(&runs, &[Key::Env, Key::Algorithm, "d".into()]), []);
     }
 
     #[test]
     fn an_axis_bound_to_the_environment_is_not_hidden_within_one() {
         let runs = [fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 0), fixture::mcpo("Ant-v2", 1e-5, 1e-3, 0)];
         let runs: Vec<&Run> = runs.iter().collect();
-        assert_eq!(hidden_axes(&runs, &["env".into()]), [""; 0]);
+        assert_eq!(hidden_axes(&runs, &[Key::Env]), []);
     }
 
     #[test]
@@ -273,11 +285,11 @@ mod tests {
         let relative =
             |env: &str| fixture::run("mcpo", &format!("env = [{env:?}]\nseed = [0]\nd = [{{ relative = 0.01 }}]"));
         let (hopper, ant) = (fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 0), fixture::mcpo("Ant-v2", 1e-5, 1e-3, 0));
-        let keys = ["algorithm".to_owned(), "d".to_owned()];
-        let told = |runs: &[&Run], keys: &[String]| texts(keys, &group(runs, keys));
+        let keys = [Key::Algorithm, "d".into()];
+        let told = |runs: &[&Run], keys: &[Key]| texts(keys, &group(runs, keys));
         let (of_hopper, of_ant) = (relative("Hopper-v2"), relative("Ant-v2"));
         assert_eq!(told(&[&hopper, &of_hopper, &ant, &of_ant], &keys), ["MCPO", "d = relative 0.01"]);
-        let rows = ["env".to_owned(), "d".to_owned()];
+        let rows = [Key::Env, "d".into()];
         assert_eq!(
             group(&[&hopper, &of_hopper, &ant, &of_ant], &rows).len(),
             4,
@@ -296,7 +308,7 @@ mod tests {
             fixture::mcpo("HalfCheetah-v2", 1.0, 0.0, 1),
         ];
         let runs: Vec<&Run> = runs.iter().collect();
-        let keys = ["d".to_owned(), "epsilon".to_owned()];
+        let keys = ["d".into(), "epsilon".into()];
         let groups = group(&runs, &keys);
         assert_eq!(groups.iter().map(|group| group.runs.len()).collect::<Vec<_>>(), [2, 1]);
         assert_eq!(texts(&keys, &groups), ["d = 1", "d = 10⁻⁶"]);
@@ -306,9 +318,9 @@ mod tests {
     fn labels_leave_out_an_axis_that_a_run_does_not_have() {
         let runs = [fixture::mcpo("Ant-v2", 1e-5, 1e-3, 0), fixture::ppo("Ant-v2", 0)];
         let runs: Vec<&Run> = runs.iter().collect();
-        let keys = ["algorithm".to_owned(), "epsilon".to_owned()];
+        let keys = [Key::Algorithm, "epsilon".into()];
         assert_eq!(texts(&keys, &group(&runs, &keys)), ["MCPO, ε = 10⁻³", "PPO"]);
-        let only_env = ["env".to_owned()];
+        let only_env = [Key::Env];
         assert_eq!(texts(&only_env, &group(&runs, &only_env)), ["Ant-v2"]);
     }
 

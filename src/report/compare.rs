@@ -14,7 +14,7 @@ use std::{
 };
 
 use super::{
-    ReportError,
+    ReportError, amount,
     curve::{CONFIDENCE, mean},
     notes,
     recorded::{self, Run, State},
@@ -60,7 +60,9 @@ pub struct CompareRow {
 
 /// The runs that lie in `folder/runs`, each as it was recorded, and remarks on what cannot be read.
 ///
-/// Errors: there is no such folder, or it cannot be read.
+/// # Errors
+///
+/// There is no such folder, or it cannot be read.
 pub fn in_folder(folder: &Path) -> Result<(Vec<Run>, Vec<String>), ReportError> {
     let home = fs::canonicalize(folder).map_err(|source| io(folder, source))?;
     let root = home.join("runs");
@@ -200,7 +202,7 @@ impl CompareRow {
         let reason = match scale {
             None => Some("the paper has no margin for this environment".to_owned()),
             Some(_) if fewest < SEEDS_FOR_VERDICT => {
-                Some(format!("{}; {SEEDS_FOR_VERDICT} are needed", notes::count(fewest, "seed")))
+                Some(format!("{}; {SEEDS_FOR_VERDICT} are needed", amount::count(fewest, "seed")))
             }
             Some(_) => None,
         };

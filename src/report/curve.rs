@@ -5,20 +5,17 @@
 
 use std::collections::BTreeSet;
 
-use crate::spec::{Band, Figure, Panels};
-
 use super::{
-    ReportError,
+    amount,
     axis::{self, Label},
-    counterpart::Counterpart,
     identity::Identities,
-    notes,
     over_seeds::{Averaging, OverSeeds, Seed, columns_of, drawn},
+    paper_value::PaperSide,
     recorded::{Run, demonstrated_return},
 };
 use crate::{
     measured::{Column, Iteration, Measure, progress},
-    plan::Selection,
+    spec::{Band, Figure, Key, Panels, Reference, Selection},
 };
 
 /// The confidence of all intervals.
@@ -40,7 +37,7 @@ pub struct CurveData {
     /// What panels are told apart by: an axis, or `panel` where they are selections.
     pub panel_key: String,
     /// What curves are told apart by: the keys of the series' values.
-    pub keys: Vec<String>,
+    pub keys: Vec<Key>,
     /// The legend, in order; a curve's index is the same in all panels.
     pub series: Vec<Label>,
     /// How each series looks: its place among all looks.
@@ -155,21 +152,19 @@ pub struct Point {
 
 impl CurveData {
     /// The curves of `y`, drawn as `figure` says, over `runs`, which are those that its `only` selects, in the plan's order.
-    ///
-    /// Errors: a panel's selection cannot be understood.
-    pub fn new(figure: &Figure, y: Measure, runs: &[&Run], identities: &Identities) -> Result<Self, ReportError> {
-        let panel_axes: Vec<String> = match &figure.panels {
+    pub fn new(figure: &Figure, y: Measure, runs: &[&Run], identities: &Identities) -> Self {
+        let panel_axes: Vec<Key> = match &figure.panels {
             Panels::Axis(axis) => vec![axis.clone()],
             Panels::Selections(_) => Vec::new(),
         };
-        let mut keys: Vec<String> = figure.series.iter().filter(|key| !panel_axes.contains(key)).cloned().collect();
-        let panels = panels(&figure.panels, runs)?;
+        let mut keys: Vec<Key> = figure.series.iter().filter(|key| !panel_axes.contains(key)).cloned().collect();
+        let panels = panels(&figure.panels, runs);
         for (_, inside) in &panels {
             keys.extend(axis::hidden_axes(inside, &[keys.as_slice(), &panel_axes].concat()));
         }
-        keys.sort_by_key(|key| key != "algorithm"); // it names a curve best
+        keys.sort_by_key(|key| *key != Key::Algorithm); // it names a curve best
         if keys.is_empty() {
-            keys.push("algorithm".to_owned()); // a curve alone has a name too
+            keys.push(Key::Algorithm); // a curve alone has a name too
         }
         let series = axis::group(runs, &keys);
         let panels = panels.into_iter().map(|(title, runs)| {
@@ -186,12 +181,12 @@ impl CurveData {
             }
         });
         let panels = panels.collect();
-        Ok(Self {
+        Self {
             title: figure.title.clone(),
             y_label: y.label(),
             log_y: figure.log_y,
             y: y.name().to_owned(),
-            panel_key: panel_axes.first().map_or("panel", String::as_str).to_owned(),
+            panel_key: panel_axes.first().map_or_else(|| "panel".to_owned(), Key::to_string),
             series: axis::labels(&keys, &series),
             looks: identities.looks(series.iter().map(|series| series.runs[0])),
             panels,
@@ -201,26 +196,25 @@ impl CurveData {
             width: figure.width.map(|width| width.inches()),
             across: Across::Steps,
             caption: None,
-        })
+        }
     }
 }
 
 /// The titles of the panels of `runs`, and the runs in each.
-fn panels<'a>(panels: &Panels, runs: &[&'a Run]) -> Result<Vec<(String, Vec<&'a Run>)>, ReportError> {
+fn panels<'a>(panels: &Panels, runs: &[&'a Run]) -> Vec<(String, Vec<&'a Run>)> {
     match panels {
         Panels::Axis(axis) => {
             let keys = std::slice::from_ref(axis);
             let groups = axis::group(runs, keys);
             let titles = axis::labels(keys, &groups);
-            Ok(titles.into_iter().zip(groups).map(|(title, group)| (title.text, group.runs)).collect())
+            titles.into_iter().zip(groups).map(|(title, group)| (title.text, group.runs)).collect()
         }
-        Panels::Selections(texts) => {
-            let panel = |text: &String| {
-                let selection = Selection::parse(text)?;
-                let within = runs.iter().copied().filter(|run| run.is_in(&selection));
-                Ok((axis::selection_label(&selection), within.collect()))
+        Panels::Selections(selections) => {
+            let panel = |selection: &Selection| {
+                let within = runs.iter().copied().filter(|run| run.is_in(selection));
+                (axis::selection_label(selection), within.collect())
             };
-            texts.iter().map(panel).collect()
+            selections.iter().map(panel).collect()
         }
     }
 }
@@ -232,9 +226,9 @@ impl Curve {
         let averaging =
             Averaging { log: figure.log_y, band: figure.band, smooth: figure.smooth.map_or(0, |steps| steps.get()) };
         let OverSeeds { points, raw, singles, gaps, left_out } = OverSeeds::new(&seeds, y, averaging);
-        let paper = match (y, figure.reference.as_deref()) {
+        let paper = match (y, figure.reference) {
             (Measure::Return, Some(reference)) => {
-                Counterpart::of(runs, reference == "table5").value.map(|value| value.mean)
+                PaperSide::of(runs, reference == Reference::Table5).value.map(|value| value.mean)
             }
             _ => None,
         };
@@ -284,7 +278,7 @@ impl Curve {
         let seeds = (self.seeds < self.planned).then(|| format!("{} of {} seeds", self.seeds, self.planned));
         let steps = self
             .under_way
-            .map(|UnderWay { steps, of }| format!("to {} of {} steps", notes::steps(steps), notes::steps(of)));
+            .map(|UnderWay { steps, of }| format!("to {} of {} steps", amount::steps(steps), amount::steps(of)));
         let parts: Vec<String> = seeds.into_iter().chain(steps).collect();
         (!parts.is_empty()).then(|| parts.join(", "))
     }

@@ -23,7 +23,9 @@ impl Files {
 
     /// An empty list in `folder`, which is made.
     ///
-    /// Errors: the folder is a link, or the disk refuses.
+    /// # Errors
+    ///
+    /// The folder is a link, or the disk refuses.
     pub fn in_folder(folder: PathBuf) -> Result<Self, RecordError> {
         refuse_link(&folder)?;
         fs::create_dir_all(&folder).map_err(|source| RecordError::Io {
@@ -36,7 +38,9 @@ impl Files {
 
     /// Writes `folder/name.extension`.
     ///
-    /// Errors: the disk refuses.
+    /// # Errors
+    ///
+    /// The disk refuses.
     pub fn write(&mut self, name: &str, extension: &str, bytes: &[u8]) -> Result<(), RecordError> {
         let path = self.folder.join(format!("{name}.{extension}"));
         record::write_atomically(&path, bytes)?;
@@ -46,7 +50,9 @@ impl Files {
 
     /// Writes a table in all formats: Markdown, for LaTeX bare and as a float, and CSV.
     ///
-    /// Errors: the disk refuses.
+    /// # Errors
+    ///
+    /// The disk refuses.
     pub fn table(
         &mut self,
         name: &str,
@@ -62,7 +68,9 @@ impl Files {
 
     /// Removes what an earlier report left and this one has not written, and keeps the names of what it has.
     ///
-    /// Errors: the disk refuses.
+    /// # Errors
+    ///
+    /// The disk refuses.
     pub fn close(&self) -> Result<(), RecordError> {
         let list = self.folder.join(Self::LIST);
         let names: BTreeSet<String> =
@@ -86,7 +94,9 @@ impl Files {
     }
 }
 
-/// Errors: `folder` is a link to somewhere else.
+/// # Errors
+///
+/// `folder` is a link to somewhere else.
 pub fn refuse_link(folder: &Path) -> Result<(), RecordError> {
     if folder.is_symlink() {
         let reason = "it is a link, and what it leads to might be overwritten".to_owned();

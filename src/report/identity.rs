@@ -10,7 +10,7 @@
 use std::{cmp::Ordering, collections::BTreeSet};
 
 use super::{axis, recorded::Run};
-use crate::spec::Algorithm;
+use crate::spec::{Algorithm, Key};
 
 /// After so many looks their colours return; `figure::look` makes the rest of them.
 const COLORS: usize = 12;
@@ -21,16 +21,15 @@ type Identity = Vec<Option<toml::Value>>;
 /// What tells the runs of an experiment apart, and the look of each.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Identities {
-    keys: Vec<String>,
+    keys: Vec<Key>,
     looks: Vec<(Identity, usize)>,
 }
 
 impl Identities {
     /// Those of an experiment with `runs`: all of the file's, so that a part of them looks as it does in the whole.
     pub fn new(runs: &[&Run]) -> Self {
-        let algorithm = "algorithm".to_owned();
-        let known = ["env".to_owned(), algorithm.clone()];
-        let keys: Vec<String> = [vec![algorithm], axis::hidden_axes(runs, &known)].concat();
+        let hidden = axis::hidden_axes(runs, &[Key::Env, Key::Algorithm]);
+        let keys: Vec<Key> = [vec![Key::Algorithm], hidden].concat();
         let mut identities: Vec<(Identity, Option<usize>)> = Vec::new();
         for run in runs {
             let identity = identity(&keys, run);
@@ -73,8 +72,8 @@ fn own_look(run: &Run) -> Option<usize> {
     Algorithm::names().position(|name| name == run.spec.algorithm_name())
 }
 
-fn identity(keys: &[String], run: &Run) -> Identity {
-    keys.iter().map(|key| run.value(key).filter(|_| key == "algorithm" || run.departs_in(key))).collect()
+fn identity(keys: &[Key], run: &Run) -> Identity {
+    keys.iter().map(|key| run.value(key).filter(|_| *key == Key::Algorithm || run.departs_in(key))).collect()
 }
 
 /// Numbers by their size, all else by how it is written; what is absent first, so that a default is.

@@ -4,11 +4,12 @@
 //! later on another machine; knows nothing of training. Start at [`write()`]; [`CurveData`] and [`TableData`] are the numbers,
 //! which the modules `figure` and `text` only show.
 
+mod amount;
 mod axis;
+mod cell;
 mod claims;
 mod comparable;
 mod compare;
-mod counterpart;
 mod curve;
 pub mod export;
 mod figure;
@@ -19,6 +20,7 @@ mod identity;
 mod notes;
 mod over_seeds;
 mod page;
+mod paper_value;
 mod recorded;
 pub mod reference;
 mod scope;
@@ -32,13 +34,14 @@ mod write;
 use std::{io, path::PathBuf};
 
 pub use axis::Label;
+pub use cell::{Best, Cell, Row};
 pub use claims::{ClaimRow, ClaimVerdict, ClaimsData, Count};
 pub use compare::{CompareData, CompareRow, in_folder};
 pub use curve::{Curve, CurveData, LeftOut, Panel, Point};
 pub use figure::{BLACK, PALETTE, picture};
 pub use recorded::{Evaluation, Loaded, Recording, Run, State, load};
 pub use scope::Scope;
-pub use table::{Best, Cell, Row, TableData};
+pub use table::TableData;
 pub use text::{claims as claims_text, compare as compare_text, terminal};
 pub use verdict::{Comparison, Verdict};
 pub use write::{Written, write};

@@ -2,15 +2,16 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::spec::Relation;
+use crate::spec::{Key, Relation};
 
 use super::{
+    amount::{count, steps},
     axis,
+    cell::{Cell, Row},
     claims::ClaimRow,
     comparable,
     recorded::{Run, State, demonstrated_return},
     reference,
-    table::{Cell, Row},
 };
 
 /// Below this many seeds an interval says little of the algorithm.
@@ -161,15 +162,16 @@ fn demonstrations(runs: &[&Run], compares: bool) -> Option<String> {
         let paper = paper.map_or(String::new(), |paper| format!(" (the paper's {:.2})", paper.demo));
         Some(format!("{env} {ours:.2}{paper}"))
     };
-    let list: Vec<String> = axis::group(runs, &["env".to_owned()]).iter().filter_map(told).collect();
+    let list: Vec<String> = axis::group(runs, &[Key::Env]).iter().filter_map(told).collect();
     (!list.is_empty()).then(|| format!("Dense return of the demonstration: {}.", list.join(", ")))
 }
 
 /// Which reading of the MMD each algorithm used.
 fn readings(runs: &[&Run]) -> Option<String> {
     let mut readings: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    let key = Key::parse("mmd.samples");
     for run in runs {
-        if let Some(samples) = run.value("mmd.samples") {
+        if let Some(samples) = key.as_ref().and_then(|key| run.value(key)) {
             let name = axis::display_name(run.spec.algorithm_name()).to_owned();
             readings.entry(name).or_default().insert(axis::Notation::Digits.label(&samples));
         }
@@ -198,25 +200,6 @@ fn span(runs: &[&Run], number: impl Fn(&Run) -> u64, text: impl Fn(u64) -> Strin
         (Some(only), _) => text(*only),
         (None, _) => "no".to_owned(),
     }
-}
-
-/// `1 seed`, `3 seeds`.
-pub fn count(number: usize, what: &str) -> String {
-    if number == 1 { format!("1 {what}") } else { format!("{number} {what}s") }
-}
-
-/// Environment steps in few characters: `500`, `20k`, `1.5M`.
-pub fn steps(steps: u64) -> String {
-    match steps {
-        0..1_000 => steps.to_string(),
-        1_000..1_000_000 => format!("{}k", round(steps as f64 / 1e3)),
-        _ => format!("{}M", round(steps as f64 / 1e6)),
-    }
-}
-
-/// At most two decimals.
-fn round(number: f64) -> f64 {
-    (number * 100.0).round() / 100.0
 }
 
 #[cfg(test)]

@@ -25,7 +25,9 @@ pub struct Scope {
 impl Scope {
     /// The runs that count; `None` for all.
     ///
-    /// Errors: `--only` cannot be understood.
+    /// # Errors
+    ///
+    /// `--only` cannot be understood.
     pub fn selection(&self) -> Result<Option<Selection>, ReportError> {
         Ok((!self.only.is_empty()).then(|| Selection::parse(&self.only.join(","))).transpose()?)
     }

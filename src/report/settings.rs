@@ -6,7 +6,10 @@
 use std::collections::BTreeSet;
 
 use super::{axis, recorded::Run};
-use crate::{env::EnvId, spec::SettingsTable};
+use crate::{
+    env::EnvId,
+    spec::{Key, SettingsTable, Shown},
+};
 
 /// One table of what was set.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,7 +32,7 @@ impl SettingsData {
     pub fn new(table: &SettingsTable, runs: &[&Run]) -> Self {
         let (names, headers, rows) = if table.rows.is_empty() {
             let headers = ["method", "parameter", "value"].map(str::to_owned).to_vec();
-            (2, headers, table.show.iter().flat_map(|key| by_algorithm(key, runs)).collect())
+            (2, headers, table.show.iter().flat_map(|shown| by_algorithm(shown, runs)).collect())
         } else {
             let groups = axis::group(runs, &table.rows);
             let labels = axis::value_labels(&groups);
@@ -38,14 +41,10 @@ impl SettingsData {
                     let label = label.unwrap_or_default();
                     axis::display_name(&label).to_owned()
                 });
-                names.chain(table.show.iter().map(|key| said(key, &group.runs))).collect()
+                names.chain(table.show.iter().map(|shown| said(shown, &group.runs))).collect()
             };
-            let keys = table.rows.iter().chain(&table.show);
-            (
-                table.rows.len(),
-                keys.map(|key| axis::key_label(key)).collect(),
-                groups.iter().zip(labels).map(row).collect(),
-            )
+            let keys = table.rows.iter().map(axis::key_label).chain(table.show.iter().map(label));
+            (table.rows.len(), keys.collect(), groups.iter().zip(labels).map(row).collect())
         };
         let title = table.title.clone();
         Self {
@@ -58,15 +57,23 @@ impl SettingsData {
     }
 }
 
+/// What a reader calls it.
+fn label(shown: &Shown) -> String {
+    match shown {
+        Shown::Parameter(parameter) => axis::parameter_label(parameter),
+        Shown::Observations | Shown::Actions | Shown::Trajectories => shown.to_string(),
+    }
+}
+
 /// The rows of one parameter, by method.
-fn by_algorithm(key: &str, runs: &[&Run]) -> Vec<Vec<String>> {
-    let groups = axis::group(runs, &["algorithm".to_owned()]);
+fn by_algorithm(shown: &Shown, runs: &[&Run]) -> Vec<Vec<String>> {
+    let groups = axis::group(runs, &[Key::Algorithm]);
     let told = groups.iter().filter_map(|group| {
-        let text = said(key, &group.runs);
+        let text = said(shown, &group.runs);
         (!text.is_empty()).then(|| (axis::display_name(group.runs[0].spec.algorithm_name()).to_owned(), text))
     });
     let told: Vec<(String, String)> = told.collect();
-    let row = |method: &str, value: &str| vec![method.to_owned(), axis::key_label(key), value.to_owned()];
+    let row = |method: &str, value: &str| vec![method.to_owned(), label(shown), value.to_owned()];
     match told.as_slice() {
         [(_, first), others @ ..] if !others.is_empty() && others.iter().all(|(_, text)| text == first) => {
             vec![row("shared", first)]
@@ -75,11 +82,11 @@ fn by_algorithm(key: &str, runs: &[&Run]) -> Vec<Vec<String>> {
     }
 }
 
-/// The value of `key` in `runs`: the one that most environments have, and in brackets those of the others; nothing where none has it.
-fn said(key: &str, runs: &[&Run]) -> String {
+/// The value of `shown` in `runs`: the one that most environments have, and in brackets those of the others; nothing where none has it.
+fn said(shown: &Shown, runs: &[&Run]) -> String {
     let mut by_value: Vec<(String, BTreeSet<EnvId>)> = Vec::new();
     let values: Vec<(EnvId, toml::Value)> =
-        runs.iter().filter_map(|run| Some((run.spec.env, value(key, run)?))).collect();
+        runs.iter().filter_map(|run| Some((run.spec.env, value(shown, run)?))).collect();
     let notation = axis::Notation::of(values.iter().map(|(_, value)| value));
     for (env, value) in &values {
         let text = notation.label(value);
@@ -103,13 +110,13 @@ fn said(key: &str, runs: &[&Run]) -> String {
 }
 
 /// The value of a parameter, or of what belongs to an environment or a recorded demonstration.
-fn value(key: &str, run: &Run) -> Option<toml::Value> {
+fn value(shown: &Shown, run: &Run) -> Option<toml::Value> {
     let count = |count: usize| toml::Value::Integer(count as i64);
-    match key {
-        "observations" => Some(count(run.spec.env.spaces()?.observation_dim)),
-        "actions" => Some(count(run.spec.env.spaces()?.action_dim)),
-        "trajectories" => Some(count(run.recording()?.demonstrated.as_ref()?.episodes)),
-        _ => run.value(key),
+    match shown {
+        Shown::Observations => Some(count(run.spec.env.spaces()?.observation_dim)),
+        Shown::Actions => Some(count(run.spec.env.spaces()?.action_dim)),
+        Shown::Trajectories => Some(count(run.recording()?.demonstrated.as_ref()?.episodes)),
+        Shown::Parameter(parameter) => run.value(&Key::Parameter(parameter.clone())),
     }
 }
 
@@ -119,9 +126,9 @@ mod tests {
     use crate::report::fixture;
 
     fn data(rows: &[&str], show: &[&str], runs: &[Run]) -> SettingsData {
-        let list = |texts: &[&str]| texts.iter().map(|text| (*text).to_owned()).collect();
-        let table =
-            SettingsTable { name: "t".into(), title: "T".into(), rows: list(rows), show: list(show), only: None };
+        let rows = rows.iter().map(|row| Key::from(*row)).collect();
+        let show = show.iter().map(|shown| Shown::from(*shown)).collect();
+        let table = SettingsTable { name: "t".into(), title: "T".into(), rows, show, only: None };
         SettingsData::new(&table, &runs.iter().collect::<Vec<_>>())
     }
 

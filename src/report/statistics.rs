@@ -22,7 +22,7 @@ use crate::{
     env::EnvId,
     measured::Measure,
     rng::{Rng, Seed, Stream},
-    spec::Band,
+    spec::{Band, Key},
     stats::{Aggregates, Bootstrap, Estimate, performance_profile, probability_of_improvement},
 };
 
@@ -40,7 +40,7 @@ const THRESHOLDS: usize = 101;
 #[derive(Debug, Clone, PartialEq)]
 pub struct StatisticsData {
     /// What the methods are told apart by.
-    pub keys: Vec<String>,
+    pub keys: Vec<Key>,
     /// The methods with a score, in the plan's order.
     pub methods: Vec<Method>,
     /// Which of them the others are compared with.
@@ -81,8 +81,8 @@ impl StatisticsData {
     /// The summaries of `runs`; `None` where fewer than two environments have a finished run of every method that has any.
     pub fn new(runs: &[Run], identities: &Identities) -> Option<Self> {
         let known: Vec<&Run> = runs.iter().filter(|run| reference::scale(run.spec.env.name()).is_some()).collect();
-        let keys = axis::hidden_axes(&known, &["env".to_owned(), "algorithm".to_owned()]);
-        let keys = [vec!["algorithm".to_owned()], keys].concat();
+        let keys = axis::hidden_axes(&known, &[Key::Env, Key::Algorithm]);
+        let keys = [vec![Key::Algorithm], keys].concat();
         let groups = axis::group(&known, &keys);
         let labels = axis::labels(&keys, &groups);
         let looks = identities.looks(groups.iter().map(|group| group.runs[0]));
@@ -198,7 +198,7 @@ fn improvement(ours: &Scores, theirs: &Scores) -> Option<Estimate> {
 }
 
 /// The performance profile of each method.
-fn profile(found: &[Found<'_>], keys: &[String]) -> CurveData {
+fn profile(found: &[Found<'_>], keys: &[Key]) -> CurveData {
     let all = || found.iter().flat_map(|(_, _, scores, _)| scores.values().flatten());
     let quarter = |end: f64| (4.0 * end).round() / 4.0;
     let low = quarter((4.0 * all().copied().fold(0.0, f64::min)).floor() / 4.0).max(-1.0);

@@ -1,26 +1,21 @@
 //! Tables as numbers, before anything is written.
 //!
-//! Owns what is said of each cell: our mean over seeds with its interval, the best seed, the paper's value, and the verdict.
-//! Knows nothing of Markdown or LaTeX. Start at [`TableData::of_report`].
+//! Owns which runs share a row, a column and a cell; what a cell says of them is [`Cell`]'s. Knows nothing of Markdown or LaTeX.
+//! Start at [`TableData::of_report`].
 //!
-//! The paper's value stands beside runs of the paper's setting alone: [`Counterpart`] says which those are. How both are compared is
+//! The paper's value stands beside runs of the paper's setting alone: `paper_value` says which those are. How both are compared is
 //! the module `verdict`'s. With fewer than three finished seeds, or fewer steps than [`reference::assumed_budget`], they are not.
 
-use std::collections::{BTreeSet, HashMap};
-
-use crate::stats::{Interval, t_interval};
-
-use crate::spec::Table;
+use std::collections::HashMap;
 
 use super::{
     axis::{self, Label},
-    counterpart::Counterpart,
-    curve::{CONFIDENCE, mean},
+    cell::{Cell, Row},
     notes,
-    recorded::{Run, State, demonstrated_return},
-    reference::{self, PaperValue},
-    verdict::{self, Comparison, SEEDS_FOR_VERDICT, Verdict},
+    recorded::{Run, demonstrated_return},
+    reference, verdict,
 };
+use crate::spec::{Key, Table};
 
 /// One table.
 #[derive(Debug, Clone, PartialEq)]
@@ -28,68 +23,15 @@ pub struct TableData {
     /// Above the table.
     pub title: String,
     /// What the rows are told apart by, as the file names it.
-    pub row_keys: Vec<String>,
+    pub row_keys: Vec<Key>,
     /// What the columns are told apart by: first what was asked for, then what else varies.
-    pub column_keys: Vec<String>,
+    pub column_keys: Vec<Key>,
     /// One a column.
     pub columns: Vec<Label>,
     /// The rows, in the plan's order.
     pub rows: Vec<Row>,
     /// Budget, seeds, readings and failures, a sentence each.
     pub notes: Vec<String>,
-}
-
-/// One row.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Row {
-    /// What the value of each row key is called; empty where the runs do not have that axis.
-    pub labels: Vec<String>,
-    /// The value of each row key.
-    pub values: Vec<Option<toml::Value>>,
-    /// The return of the demonstration that the row's runs learned from, where the row is one environment.
-    pub demo: Option<f64>,
-    /// The same in the paper, where the table is compared with one of the paper's.
-    pub paper_demo: Option<f64>,
-    /// One a column; `None` where the matrix has no such run.
-    pub cells: Vec<Option<Cell>>,
-}
-
-/// One cell: the runs of one row and column.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Cell {
-    /// Mean over the finished seeds of their final evaluation's mean dense return, with its t interval.
-    pub ours: Option<Interval>,
-    /// The values of the finished seeds, each with its seed.
-    pub values: Vec<(u64, f64)>,
-    /// Finished seeds with a final evaluation.
-    pub seeds: usize,
-    /// Seeds that the plan has.
-    pub planned: usize,
-    /// The seed with the highest mean.
-    pub best: Option<Best>,
-    /// The paper's value.
-    pub paper: Option<PaperValue>,
-    /// The parameters that are not the paper's, which keep its value away.
-    pub departures: BTreeSet<String>,
-    /// Ours less the paper's, where they can be compared.
-    pub comparison: Option<Comparison>,
-    /// What that means; `None` where there is nothing to compare.
-    pub verdict: Option<Verdict>,
-    /// Environment steps of the shortest run.
-    pub env_steps: u64,
-}
-
-/// The paper's way of evaluating: the best seed's policy alone.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Best {
-    /// The seed.
-    pub seed: u64,
-    /// Mean dense return over its final episodes.
-    pub mean: f64,
-    /// Sample standard deviation over them; NaN for one episode.
-    pub std: f64,
-    /// How many episodes.
-    pub episodes: usize,
 }
 
 impl TableData {
@@ -107,9 +49,10 @@ impl TableData {
 
     fn without_verdicts(table: &Table, runs: &[&Run]) -> Self {
         let mut column_keys = vec![table.columns.clone()];
-        let known: Vec<String> = table.rows.iter().chain(&column_keys).cloned().collect();
-        let (env, others): (Vec<_>, Vec<_>) = axis::hidden_axes(runs, &known).into_iter().partition(|key| key == "env");
-        let row_keys: Vec<String> = env.into_iter().chain(table.rows.iter().cloned()).collect();
+        let known: Vec<Key> = table.rows.iter().chain(&column_keys).cloned().collect();
+        let (env, others): (Vec<_>, Vec<_>) =
+            axis::hidden_axes(runs, &known).into_iter().partition(|key| *key == Key::Env);
+        let row_keys: Vec<Key> = env.into_iter().chain(table.rows.iter().cloned()).collect();
         column_keys.extend(others);
 
         let columns = axis::group(runs, &column_keys);
@@ -119,7 +62,7 @@ impl TableData {
             .collect();
         let groups = axis::group(runs, &row_keys);
         let labels = axis::value_labels(&groups);
-        let one_env = row_keys.iter().any(|key| key == "env");
+        let one_env = row_keys.contains(&Key::Env);
         let rows = groups.iter().zip(labels).map(|(row, labels)| {
             let mut cells: Vec<Vec<&Run>> = vec![Vec::new(); columns.len()];
             for run in &row.runs {
@@ -132,10 +75,7 @@ impl TableData {
                 values: row.values.clone(),
                 demo: demonstrated_return(&row.runs).filter(|_| one_env),
                 paper_demo: paper.map(|row| row.demo),
-                cells: cells
-                    .iter()
-                    .map(|runs| (!runs.is_empty()).then(|| Cell::new(table.reference.as_deref(), runs)))
-                    .collect(),
+                cells: cells.iter().map(|runs| (!runs.is_empty()).then(|| Cell::new(table.reference, runs))).collect(),
             }
         });
         let rows: Vec<Row> = rows.collect();
@@ -150,52 +90,13 @@ impl TableData {
     }
 }
 
-impl Cell {
-    fn new(reference: Option<&str>, runs: &[&Run]) -> Self {
-        let seeds: Vec<(u64, Vec<f64>)> = runs
-            .iter()
-            .filter_map(|run| Some((run.spec.seed.0, run.recording()?.final_returns())))
-            .filter(|(_, returns)| !returns.is_empty())
-            .collect();
-        let means: Vec<f64> = seeds.iter().map(|(_, returns)| mean(returns)).collect();
-        let best = seeds.iter().zip(&means).max_by(|left, right| left.1.total_cmp(right.1));
-        let best = best.map(|((seed, returns), &mean)| Best {
-            seed: *seed,
-            mean,
-            std: (returns.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (returns.len() as f64 - 1.0)).sqrt(),
-            episodes: returns.len(),
-        });
-        let ours = t_interval(&means, CONFIDENCE);
-        let Counterpart { value: paper, departures } = match reference {
-            Some(reference) => Counterpart::of(runs, reference == "table5"),
-            None => Counterpart::default(),
-        };
-        let env_steps = runs.iter().map(|run| run.spec.budget.env_steps.get()).min().unwrap_or(0);
-        let needed = reference::assumed_budget(&runs[0].spec);
-        let reason = match ours {
-            None => Some("no finished run".to_owned()),
-            Some(_) if seeds.len() < SEEDS_FOR_VERDICT => {
-                Some(format!("{}; {SEEDS_FOR_VERDICT} are needed", notes::count(seeds.len(), "seed")))
-            }
-            Some(_) if env_steps < needed => {
-                Some(format!("{} of {} steps", notes::steps(env_steps), notes::steps(needed)))
-            }
-            Some(_) => None,
-        };
-        let failed = runs.iter().filter(|run| matches!(run.state, State::Failed { .. })).count();
-        let comparison = paper.filter(|_| reason.is_none()).zip(reference::scale(runs[0].spec.env.name()));
-        let comparison = comparison.and_then(|(paper, scale)| Comparison::new(&means, failed, paper, scale));
-        let verdict = reason.filter(|_| paper.is_some()).map(Verdict::NotComparable);
-        let values = seeds.iter().map(|(seed, _)| *seed).zip(means).collect();
-        let (seeds, planned) = (seeds.len(), runs.len());
-        Self { ours, values, seeds, planned, best, paper, departures, comparison, verdict, env_steps }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::fixture;
+    use crate::{
+        report::{cell::Best, fixture, verdict::Verdict},
+        spec::Reference,
+    };
 
     fn comparison() -> Table {
         Table {
@@ -204,7 +105,7 @@ mod tests {
             rows: vec!["env".into()],
             columns: "algorithm".into(),
             only: None,
-            reference: Some("table3".into()),
+            reference: Some(Reference::Table3),
         }
     }
 
@@ -294,10 +195,10 @@ mod tests {
     #[test]
     fn an_ablation_compares_with_table_5() {
         let rows = vec!["d".into(), "epsilon".into()];
-        let ablation = Table { rows, reference: Some("table5".into()), ..comparison() };
+        let ablation = Table { rows, reference: Some(Reference::Table5), ..comparison() };
         let runs = [fixture::mcpo("HalfCheetah-v2", 1e-3, 1e-3, 0), fixture::mcpo("HalfCheetah-v2", 1e-6, 0.0, 0)];
         let data = table(&ablation, &runs);
-        assert_eq!(data.row_keys, ["d", "epsilon"]);
+        assert_eq!(data.row_keys, ["d".into(), "epsilon".into()]);
         assert_eq!(data.rows.iter().map(|row| row.labels.join(" ")).collect::<Vec<_>>(), ["10⁻³ 10⁻³", "10⁻⁶ 0"]);
         assert_eq!(only_cell(&data).paper.map(|paper| paper.mean), Some(3286.78));
         assert_eq!((data.rows[0].demo, data.rows[0].paper_demo), (None, None));

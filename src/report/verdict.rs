@@ -26,7 +26,7 @@ use crate::stats::{
 };
 
 use super::{
-    notes,
+    amount,
     reference::{PaperValue, Scale},
 };
 
@@ -145,7 +145,7 @@ impl Comparison {
             return "no number of seeds would decide: the paper's value is one draw".to_owned();
         };
         if ends.iter().any(|end| end.1 != ends[0].1) {
-            return format!("{} would decide", notes::count(self.failed, "failed run"));
+            return format!("{} would decide", amount::count(self.failed, "failed run"));
         }
         match ends.iter().map(|end| end.0).max() {
             Some(seeds) if seeds <= MOST_SEEDS => format!("{seeds} seeds would decide"),

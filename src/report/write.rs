@@ -1,35 +1,31 @@
 //! The files of a report.
 
+mod draft;
+
 use std::{
     collections::{BTreeMap, BTreeSet},
     path::{Path, PathBuf},
 };
 
-use crate::{
-    env::EnvId,
-    escape,
-    plan::{self, RunSpec, Selection},
-    record,
-    spec::{Drawing, ExperimentSpec, Figure, Table, Width},
-};
+use draft::Draft;
 
 use super::{
-    ClaimsData, CurveData, ReportError, Scope, TableData, axis, claims, curve, figure,
+    ClaimsData, ReportError, Scope, TableData, axis, claims, curve,
     files::Files,
     identity::Identities,
     notes,
-    page::{self, Contents, Shows},
+    page::{self, Contents},
     recorded::{self, Loaded, Run, State},
     settings::SettingsData,
     statistics::StatisticsData,
-    text,
 };
-
-/// The name of the files of claims.
-const CLAIMS: &str = "claims";
-/// Those of the files of summaries over environments.
-const STATISTICS: &str = "statistics";
-const PROFILE: &str = "statistics-profile";
+use crate::{
+    env::EnvId,
+    escape,
+    plan::{self, RunSpec},
+    record,
+    spec::{ExperimentSpec, Figure, Key, Reference, Selection, Table},
+};
 
 /// What was written of one experiment.
 #[derive(Debug, Clone, PartialEq)]
@@ -52,7 +48,9 @@ pub struct Written {
 /// An experiment without figures or tables of its own gets learning curves and a table of all of its runs. A run that cannot be
 /// read is a failed one.
 ///
-/// Errors: nothing is recorded, the scope means no run, or the disk refuses.
+/// # Errors
+///
+/// Nothing is recorded, the scope means no run, or the disk refuses.
 pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Written, ReportError> {
     let (home, whole, plan) = planned(spec, results, scope)?;
     let identities = identities(&whole);
@@ -64,77 +62,30 @@ pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Wri
     let count = runs.len();
     let untouched = leave_out_untouched(&mut runs);
     let tables = tables(spec, &runs);
-    let mut files = Files::in_folder(home.join(scope.folder()))?;
+    let mut draft = Draft::new(Files::in_folder(home.join(scope.folder()))?);
 
-    let mut body = String::new();
-    let judged = (!spec.claims.is_empty()).then(|| ClaimsData::new(&spec.claims, &runs)).transpose()?;
-    if let Some(claims) = &judged {
-        let markdown = text::claims::markdown(claims);
-        files.table(CLAIMS, &markdown, text::claims::latex(CLAIMS, claims), &text::claims::csv(claims)?)?;
-        body.push_str(&format!("\n#{markdown}"));
-    }
-    let asked = tables.iter().map(|table| Ok((table, selected(&runs, table.only.as_deref())?)));
-    let made = TableData::of_report(&asked.collect::<Result<Vec<_>, ReportError>>()?);
+    let judged = (!spec.claims.is_empty()).then(|| ClaimsData::new(&spec.claims, &runs));
+    judged.iter().try_for_each(|claims| draft.claims(claims))?;
+    let asked = tables.iter().map(|table| (table, selected(&runs, table.only.as_ref())));
+    let made = TableData::of_report(&asked.collect::<Vec<_>>());
     for (table, data) in tables.iter().zip(&made) {
-        let markdown = text::markdown(data);
-        files.table(&table.name, &markdown, text::latex(&table.name, data), &text::csv(data)?)?;
-        files.write(&format!("{}-seeds", table.name), "csv", &text::seeds_csv(data)?)?;
-        body.push_str(&format!("\n#{markdown}"));
+        draft.table(&table.name, data)?;
     }
     let mut settings = Vec::new();
     for table in &spec.settings_tables {
-        let data = SettingsData::new(table, &selected(&runs, table.only.as_deref())?);
-        let markdown = text::settings::markdown(&data);
-        files.table(&table.name, &markdown, text::settings::latex(&table.name, &data), &text::settings::csv(&data)?)?;
-        body.push_str(&format!("\n#{markdown}"));
+        let data = SettingsData::new(table, &selected(&runs, table.only.as_ref()));
+        draft.settings(&table.name, &data)?;
         settings.push((table.name.as_str(), data));
     }
-    let (mut unknown, mut shown) = (BTreeSet::new(), Vec::new());
+    let mut shown = Vec::new();
     for figure in &figures {
-        let (picture, caption, curves) = match figure.y {
-            Drawing::Step => (figure::step::draw(figure.width.map(Width::inches))?, String::new(), None),
-            Drawing::Of(y) => {
-                let data = CurveData::new(figure, y, &selected(&runs, figure.only.as_deref())?, &identities)?;
-                files.write(&format!("{}-curves", figure.name), "csv", &text::curves_csv(&data)?)?;
-                (figure::draw(&data), figure::notes(&data).all(), Some(data))
-            }
-        };
-        unknown.extend(picture.without_glyph());
-        let svg = picture.svg().map_err(ReportError::Draw)?;
-        files.write(&figure.name, "png", &picture.png().map_err(ReportError::Draw)?)?;
-        files.write(&figure.name, "svg", svg.as_bytes())?;
-        let title = escape::markdown(&figure.title);
-        body.push_str(&format!("\n## {title}\n\n![{title}]({}.png)\n", figure.name));
-        if figure.width.is_some() {
-            files.write(&figure.name, "pdf", &picture.pdf().map_err(ReportError::Draw)?)?;
-            body.push_str(&format!("\n{}\n", escape::markdown(&caption))); // which print does not have in the picture
-        }
-        shown.push(page::Figure {
-            name: &figure.name,
-            title: &figure.title,
-            caption,
-            files: figure_files(figure),
-            shows: curves.map_or(Shows::Picture(svg), |data| Shows::Curves(Box::new(data))),
-        });
+        shown.push(draft.figure(figure, &runs, &identities)?);
     }
     let statistics = StatisticsData::new(&runs, &identities);
     if let Some(data) = &statistics {
-        let markdown = text::statistics::markdown(data);
-        files.table(STATISTICS, &markdown, text::statistics::latex(STATISTICS, data), &text::statistics::csv(data)?)?;
-        files.write(&format!("{PROFILE}-curves"), "csv", &text::curves_csv(&data.profile)?)?;
-        let picture = figure::draw(&data.profile);
-        files.write(PROFILE, "png", &picture.png().map_err(ReportError::Draw)?)?;
-        files.write(PROFILE, "svg", picture.svg().map_err(ReportError::Draw)?.as_bytes())?;
-        let title = &data.profile.title;
-        body.push_str(&format!("\n#{markdown}\n## {title}\n\n![{title}]({PROFILE}.png)\n"));
-        shown.push(page::Figure {
-            name: PROFILE,
-            title,
-            caption: figure::notes(&data.profile).all(),
-            files: vec![".png", ".svg", "-curves.csv"],
-            shows: Shows::Curves(Box::new(data.profile.clone())),
-        });
+        shown.push(draft.statistics(data)?);
     }
+    let Draft { mut files, body, unknown } = draft;
     let mut state = vec![finished(&runs, count, &untouched)];
     state.extend(scope.heading());
     state.extend(remarks);
@@ -171,7 +122,9 @@ pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Wri
 
 /// The folder of `spec` under `results`, its runs, and those of them that `scope` means.
 ///
-/// Errors: nothing is recorded, or the scope means no run.
+/// # Errors
+///
+/// Nothing is recorded, or the scope means no run.
 pub fn planned(
     spec: &ExperimentSpec,
     results: &Path,
@@ -193,21 +146,14 @@ pub fn planned(
     Ok((home, whole, plan))
 }
 
-/// How the names of the files of `figure` end.
-fn figure_files(figure: &Figure) -> Vec<&'static str> {
-    let (numbers, print) = (figure.y.measure().is_some(), figure.width.is_some());
-    let all = [(".png", true), (".svg", true), (".pdf", print), ("-curves.csv", numbers)];
-    all.into_iter().filter(|(_, has)| *has).map(|(extension, _)| extension).collect()
-}
-
 /// The figures of an experiment; its learning curves where it has neither figures nor tables.
 pub fn figures(spec: &ExperimentSpec) -> Vec<Figure> {
     if !(spec.figures.is_empty() && spec.tables.is_empty()) {
         return spec.figures.clone();
     }
     vec![Figure {
-        series: vec!["algorithm".to_owned()],
-        reference: Some("table3".to_owned()),
+        series: vec![Key::Algorithm],
+        reference: Some(Reference::Table3),
         ..Figure::returns("returns", format!("{}: learning curves", spec.name))
     }]
 }
@@ -226,23 +172,21 @@ fn tables(spec: &ExperimentSpec, runs: &[Run]) -> Vec<Table> {
     if !(spec.figures.is_empty() && spec.tables.is_empty()) {
         return spec.tables.clone();
     }
-    let (env, algorithm) = ("env".to_owned(), "algorithm".to_owned());
     let runs: Vec<&Run> = runs.iter().collect();
-    let settings = axis::hidden_axes(&runs, &[env.clone(), algorithm.clone()]);
+    let settings = axis::hidden_axes(&runs, &[Key::Env, Key::Algorithm]);
     vec![Table {
         name: "returns".to_owned(),
         title: format!("{}: returns at the end of training", spec.name),
-        rows: [vec![env], settings].concat(),
-        columns: algorithm,
+        rows: [vec![Key::Env], settings].concat(),
+        columns: Key::Algorithm,
         only: None,
-        reference: Some("table3".to_owned()),
+        reference: Some(Reference::Table3),
     }]
 }
 
 /// The runs that `only` means; all where it is absent.
-pub fn selected<'a>(runs: &'a [Run], only: Option<&str>) -> Result<Vec<&'a Run>, ReportError> {
-    let selection = only.map(Selection::parse).transpose()?;
-    Ok(runs.iter().filter(|run| selection.as_ref().is_none_or(|selection| run.is_in(selection))).collect())
+pub fn selected<'a>(runs: &'a [Run], only: Option<&Selection>) -> Vec<&'a Run> {
+    runs.iter().filter(|run| only.is_none_or(|selection| run.is_in(selection))).collect()
 }
 
 /// Takes away the environments of which no run has ended, unless that is so of all, and names them: who asked for one

@@ -56,7 +56,9 @@ pub struct Ended {
 
 /// Goes on with the runs of the element `index` of `plan` that have not finished.
 ///
-/// Errors: whatever stands in the way of beginning.
+/// # Errors
+///
+/// Whatever stands in the way of beginning.
 pub fn run(plan: &Path, index: usize, stop: &StopRequest) -> Result<Ended, ElementError> {
     let (submission, planned) = Submission::element(plan, index)?;
     // Else what is relative would be looked for where a cluster starts programs when the folder is missing.

@@ -1,6 +1,9 @@
 //! What goes through the pipes between the program and its worker processes: JSON, one line each.
 
-use std::ffi::OsString;
+use std::{
+    ffi::OsString,
+    io::{self, Write},
+};
 
 use serde::{Deserialize, Serialize};
 
@@ -77,4 +80,14 @@ pub enum Message {
         /// The last lines that it wrote to stderr.
         stderr: Vec<String>,
     },
+}
+
+impl Event {
+    /// Tells it to the program that started this worker; gives whether anybody listens.
+    pub(super) fn tell(&self) -> bool {
+        let Ok(mut line) = serde_json::to_vec(self) else { return false };
+        line.push(b'\n');
+        let mut stdout = io::stdout().lock();
+        stdout.write_all(&line).and_then(|()| stdout.flush()).is_ok()
+    }
 }

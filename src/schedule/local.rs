@@ -29,7 +29,9 @@ const STDERR_WIDTH: usize = 1000;
 
 /// Runs `due` in processes of this machine until every run has ended, or a stop is asked for.
 ///
-/// Errors: this program's own file is gone.
+/// # Errors
+///
+/// This program's own file is gone.
 pub fn run(
     due: &[Planned],
     results: &Path,

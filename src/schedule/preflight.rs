@@ -74,7 +74,9 @@ impl std::error::Error for Problems {}
 
 /// Gives every run its places and its fingerprint, and checks the demonstrations. Writes nothing.
 ///
-/// Errors: every demonstration that cannot be used, each once; names that lead elsewhere; runs that share a place.
+/// # Errors
+///
+/// Every demonstration that cannot be used, each once; names that lead elsewhere; runs that share a place.
 pub fn plan(specs: Vec<RunSpec>, results: &Path) -> Result<Vec<Planned>, Problems> {
     let mut problems = Vec::new();
     let mut demonstrations = BTreeMap::new();
@@ -143,7 +145,9 @@ fn demonstration(path: &Path, env: EnvId) -> Result<(String, Demonstrated), Demo
 /// Makes the results ready: the folder can be written to and has room, and nothing that is recorded stands in the way;
 /// what does is set aside when `fresh`. Gives each run's state.
 ///
-/// Errors: whatever stands in the way, all of it; then nothing was set aside.
+/// # Errors
+///
+/// Whatever stands in the way, all of it; then nothing was set aside.
 pub fn prepare(planned: &[Planned], results: &Path, fresh: bool) -> Result<Vec<RunState>, Problems> {
     let mut problems = Vec::new();
     if let Err(error) = check_writable(results) {

@@ -8,7 +8,7 @@ use std::{
 use serde_json::Value;
 use tracing::{debug, info};
 
-use super::{event::Event, stop::StopRequest, worker::tell};
+use super::{event::Event, stop::StopRequest};
 use crate::{
     algo::{Agent, pretraining::Pretraining},
     plan::RunSpec,
@@ -44,7 +44,9 @@ pub(super) struct Recorder<'a> {
 impl<'a> Recorder<'a> {
     /// Begins an attempt that goes on from `recorded`.
     ///
-    /// Errors: the manifest cannot be written.
+    /// # Errors
+    ///
+    /// The manifest cannot be written.
     pub fn begin(
         spec: &'a RunSpec,
         paths: RunPaths,
@@ -67,7 +69,7 @@ impl<'a> Recorder<'a> {
         // In this order: a run that can be seen to have begun has a log that says so.
         info!("{} begins at {from_env_steps} of {} steps", spec.id, spec.trained_steps());
         manifest.write(&RunPaths::manifest(&paths.partial))?;
-        tell(&Event::Began { from_env_steps });
+        Event::Began { from_env_steps }.tell();
         Ok(Self {
             spec,
             paths,
@@ -96,7 +98,9 @@ impl<'a> Recorder<'a> {
 
     /// Writes the tables and the manifest, and puts the run into its place.
     ///
-    /// Errors: the disk refuses.
+    /// # Errors
+    ///
+    /// The disk refuses.
     pub fn finish(mut self) -> Result<Event, RecordError> {
         self.refuse_what_is_anothers()?;
         let folder = &self.paths.partial;
@@ -116,7 +120,9 @@ impl<'a> Recorder<'a> {
 
     /// Ends the attempt; its checkpoint is written.
     ///
-    /// Errors: the manifest cannot be written.
+    /// # Errors
+    ///
+    /// The manifest cannot be written.
     pub fn stop(mut self) -> Result<Event, RecordError> {
         info!("stopped after {} steps; a checkpoint is kept", self.recorded.env_steps());
         self.manifest.end_attempt(None);
@@ -163,7 +169,7 @@ impl RunSink for Recorder<'_> {
         self.last_return = row.training_return.or(self.last_return);
         self.recorded.iterations.push(row.clone());
         self.heartbeat().map_err(sink_error)?;
-        let heard = tell(&Event::Iteration { env_steps: row.env_steps, training_return: row.training_return });
+        let heard = Event::Iteration { env_steps: row.env_steps, training_return: row.training_return }.tell();
         let stop = self.stop.is_made() || !heard;
         // The last one is kept: from it the run goes on when it is to be longer.
         let ends = row.env_steps >= self.spec.budget.env_steps.get();
@@ -178,7 +184,7 @@ impl RunSink for Recorder<'_> {
         let Some(first) = episodes.first() else { return Ok(()) };
         let dense_return = episodes.iter().map(|row| row.dense_return).sum::<f64>() / episodes.len() as f64;
         info!("evaluated after {} steps: return {dense_return:.2}", first.env_steps);
-        tell(&Event::Evaluation { env_steps: first.env_steps, dense_return, last: first.last });
+        Event::Evaluation { env_steps: first.env_steps, dense_return, last: first.last }.tell();
         Ok(())
     }
 
@@ -205,7 +211,7 @@ impl RunSink for Recorder<'_> {
 fn signs_of_life(last: &mut Instant) {
     if last.elapsed() >= HEARTBEAT {
         *last = Instant::now();
-        tell(&Event::Alive);
+        Event::Alive.tell();
     }
 }
 

@@ -86,7 +86,9 @@ impl RunState {
 impl Planned {
     /// What has become of it.
     ///
-    /// Errors: the system refuses to read what is there.
+    /// # Errors
+    ///
+    /// The system refuses to read what is there.
     pub fn state(&self) -> Result<RunState, RecordError> {
         let held = Claim::is_held(&self.paths)?;
         match self.recorded(held) {
@@ -138,7 +140,9 @@ impl Planned {
 
     /// From what it would go on, wherever that lies.
     ///
-    /// Errors: a checkpoint is of another program or run, or the system refuses to read it.
+    /// # Errors
+    ///
+    /// A checkpoint is of another program or run, or the system refuses to read it.
     pub fn last_state(&self) -> Result<LastState, RecordError> {
         let mut last = LastState::default();
         for folder in [&self.paths.partial, &self.paths.complete] {

@@ -31,7 +31,9 @@ impl StopRequest {
     /// SIGINT (Ctrl-C), SIGTERM, SIGUSR1 (a cluster's warning) and SIGHUP (the terminal is gone) make. A second
     /// signal ends the process at once with code 130.
     ///
-    /// Errors: the system refuses the handlers.
+    /// # Errors
+    ///
+    /// The system refuses the handlers.
     pub fn on_signals() -> io::Result<Self> {
         let request = Self::default();
         let ignored = ignored();

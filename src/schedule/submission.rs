@@ -98,7 +98,9 @@ impl Submission {
 
     /// The folder of all submissions of an experiment.
     ///
-    /// Errors: the experiment's name would lead elsewhere.
+    /// # Errors
+    ///
+    /// The experiment's name would lead elsewhere.
     pub fn all(results: &Path, experiment: &str) -> Result<PathBuf, RecordError> {
         Ok(experiment_folder(results, experiment)?.join(".slurm"))
     }
@@ -115,7 +117,9 @@ impl Submission {
 
     /// Freezes it in `folder`, with `elements`.
     ///
-    /// Errors: the disk refuses.
+    /// # Errors
+    ///
+    /// The disk refuses.
     pub fn freeze(mut self, folder: &Path, elements: &[Vec<&Planned>]) -> Result<Self, RecordError> {
         let path = Self::plan(folder);
         let refused = |error: serde_json::Error| io_error("write", &path)(error.into());
@@ -136,14 +140,18 @@ impl Submission {
 
     /// Reads what all elements have in common.
     ///
-    /// Errors: the file is missing, or of another program.
+    /// # Errors
+    ///
+    /// The file is missing, or of another program.
     pub fn read(plan: &Path) -> Result<Self, RecordError> {
         Ok(open(plan)?.0)
     }
 
     /// Reads it with the runs of the element `index`, for this machine.
     ///
-    /// Errors: also, there is no such element.
+    /// # Errors
+    ///
+    /// Also, there is no such element.
     pub fn element(plan: &Path, index: usize) -> Result<(Self, Vec<Planned>), RecordError> {
         let (submission, mut reader) = open(plan)?;
         let Some(&length) = submission.elements.get(index) else {
@@ -162,7 +170,9 @@ impl Submission {
 
     /// The names of the runs of each element, in order.
     ///
-    /// Errors: as for [`read`](Self::read).
+    /// # Errors
+    ///
+    /// As for [`read`](Self::read).
     pub fn names(plan: &Path) -> Result<Vec<Vec<Named>>, RecordError> {
         let (_, reader) = open(plan)?;
         reader.split(b'\n').map(|line| parsed(plan, &line.map_err(io_error("read", plan))?)).collect()
@@ -217,7 +227,9 @@ fn malformed(plan: &Path, reason: String) -> RecordError {
 
 /// The folders of all submissions of an experiment, the first one first.
 ///
-/// Errors: the system refuses.
+/// # Errors
+///
+/// The system refuses.
 pub fn folders(results: &Path, experiment: &str) -> Result<Vec<PathBuf>, RecordError> {
     let all = Submission::all(results, experiment)?;
     let entries = match fs::read_dir(&all) {

@@ -3,7 +3,7 @@
 use std::{
     cmp::Ordering,
     fs::{self, OpenOptions},
-    io::{self, BufRead, Read, Write},
+    io::{self, BufRead, Read},
     mem,
     path::{Path, PathBuf},
     process::ExitCode,
@@ -61,16 +61,8 @@ pub fn run() -> ExitCode {
             (Event::Failed { error: failure.to_string() }, ExitCode::FAILURE)
         }
     };
-    tell(&event);
+    event.tell();
     code
-}
-
-/// Tells `event`; gives whether anybody listens.
-pub(super) fn tell(event: &Event) -> bool {
-    let Ok(mut line) = serde_json::to_vec(event) else { return false };
-    line.push(b'\n');
-    let mut stdout = io::stdout().lock();
-    stdout.write_all(&line).and_then(|()| stdout.flush()).is_ok()
 }
 
 fn work() -> Result<Event, WorkerError> {
@@ -133,7 +125,7 @@ fn last_state(run: &Planned) -> Result<Checkpoint, WorkerError> {
         fs::rename(path, &aside).map_err(io_error("rename", path))?;
         let text = format!("{error}; it is kept as {}, and the run resumes from what remains", aside.display());
         warn!("{text}");
-        tell(&Event::Warned { text });
+        Event::Warned { text }.tell();
     }
     let checkpoint = checkpoint.unwrap_or_default();
     if checkpoint.env_steps() > run.spec.trained_steps() {

@@ -5,10 +5,10 @@ use std::path::Path;
 use serde::de::DeserializeOwned;
 
 use super::{
-    Block, ExperimentSpec, Overrides, Settings, SpecErrors,
+    Axis, Block, ExperimentSpec, Overrides, Parameter, Settings, SpecErrors,
     catalog::Catalog,
     check::{BLOCK_KEYS, check},
-    cross::Draft,
+    combinations::Draft,
     error::SpecError,
     layers,
     names::nearest_label,
@@ -193,7 +193,7 @@ fn blocks(
                 "algorithm" => {
                     block.algorithm = values.iter().filter_map(|name| name.as_str().map(str::to_owned)).collect();
                 }
-                _ => block.axes.push((key.clone(), values)),
+                _ => block.axes.extend(Parameter::find(&key).map(|parameter| Axis { parameter, values })),
             }
             had.push(key);
         }
@@ -205,6 +205,7 @@ fn blocks(
             place: axis.layer.place(0..0),
             label: nearest_label("axis", &axis.key, BLOCK_KEYS.into_iter().chain(had.iter().map(String::as_str))),
             help: None,
+            about: Vec::new(),
         });
     }
     blocks

@@ -3,7 +3,7 @@
 //! A key is checked by putting its value, alone, into a valid specimen of its type and reading that. So each wrong value
 //! of a file is found, not the first alone, and the types themselves are the only judge of what is allowed.
 
-use std::{borrow::Cow, ops::Range, sync::LazyLock};
+use std::{borrow::Cow, collections::BTreeSet, ops::Range, sync::LazyLock};
 
 use schemars::{JsonSchema, SchemaGenerator, generate::SchemaSettings};
 use serde::{Serialize, de::DeserializeOwned};
@@ -27,6 +27,8 @@ use crate::{
 pub(super) struct Section {
     /// The JSON Schema of the type, with nothing left to references.
     schema: Json,
+    /// The dotted keys of all values.
+    leaves: BTreeSet<String>,
     /// A valid value of the type as TOML text.
     specimen: String,
     read: Box<Read>,
@@ -49,22 +51,21 @@ pub(super) struct Refusal {
 impl Section {
     /// The section of the type `T`.
     pub(super) fn of<T: Serialize + DeserializeOwned + JsonSchema + 'static>(specimen: &T) -> Self {
-        Self {
-            schema: generator().into_root_schema_for::<T>().to_value(),
-            specimen: text(specimen),
-            read: Box::new(read::<T>),
-        }
+        Self::new(generator().into_root_schema_for::<T>().to_value(), text(specimen), Box::new(read::<T>))
     }
 
     /// The section of an algorithm's hyperparameters.
     fn algorithm(entry: &'static dyn Entry) -> Self {
         let mut schema = entry.schema(generator());
         schema.as_object_mut().and_then(|fields| fields.remove("title"));
-        Self {
-            schema,
-            specimen: text(&entry.defaults(EnvId::HalfCheetah).hyperparameters()),
-            read: Box::new(|table| entry.read(Deserializer::from(table)).map(drop)),
-        }
+        let specimen = text(&entry.defaults(EnvId::HalfCheetah).hyperparameters());
+        Self::new(schema, specimen, Box::new(|table| entry.read(Deserializer::from(table)).map(drop)))
+    }
+
+    fn new(schema: Json, specimen: String, read: Box<Read>) -> Self {
+        let mut leaves = BTreeSet::new();
+        collect_leaves(&schema, "", &mut leaves);
+        Self { schema, leaves, specimen, read }
     }
 
     /// The JSON Schema of the key at `path`; `None` when there is no such key.
@@ -83,10 +84,8 @@ impl Section {
     }
 
     /// The dotted keys of all values.
-    pub(super) fn leaves(&self) -> Vec<String> {
-        let mut leaves = Vec::new();
-        collect_leaves(&self.schema, "", &mut leaves);
-        leaves
+    pub(super) fn leaves(&self) -> &BTreeSet<String> {
+        &self.leaves
     }
 
     /// Whether `value` may stand at `path`.
@@ -220,13 +219,13 @@ fn put<'a>(table: &mut DeTable<'a>, path: &[&str], value: Spanned<DeValue<'a>>) 
     }
 }
 
-fn collect_leaves(schema: &Json, prefix: &str, leaves: &mut Vec<String>) {
+fn collect_leaves(schema: &Json, prefix: &str, leaves: &mut BTreeSet<String>) {
     for (key, inner) in schema["properties"].as_object().into_iter().flatten() {
         let path = if prefix.is_empty() { key.clone() } else { format!("{prefix}.{key}") };
         if inner.get("properties").is_some() {
             collect_leaves(inner, &path, leaves);
         } else {
-            leaves.push(path);
+            leaves.insert(path);
         }
     }
 }

@@ -1,8 +1,11 @@
 //! `[[claims]]`: what a paper says of its methods, to be judged by what is recorded.
 
-use serde::{Deserialize, Serialize};
+use std::fmt;
 
-use super::measured;
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};
+
+use super::{Selection, measured, names::told};
 use crate::{
     measured::Measure,
     quantity::{UnitInterval, constant},
@@ -15,12 +18,12 @@ pub struct Claim {
     /// The paper's sentence, shortened.
     pub name: String,
     /// The runs that it is about, as for `--only`; those that differ in more than their seed are judged separately.
-    pub of: String,
+    pub of: Selection,
     /// What is said of these runs.
     pub is: Relation,
     /// What these are compared with: runs of one setting, as for `--only`, or `demonstration`, for the return of theirs.
     #[serde(skip_serializing_if = "Option::is_none", default)]
-    pub than: Option<String>,
+    pub than: Option<Versus>,
     /// What is compared: `return` (evaluations, dense) or a column of numbers of `progress.parquet`.
     #[serde(default = "Claim::returns")]
     #[serde(with = "measured")]
@@ -34,7 +37,7 @@ pub struct Claim {
     pub environments: Environments,
     /// Runs that count on either side, as for `--only`; all when absent.
     #[serde(skip_serializing_if = "Option::is_none", default)]
-    pub only: Option<String>,
+    pub only: Option<Selection>,
     /// The difference that does not count; for returns, as a share of the paper's Expert - Random. Below 0, the shortfall that
     /// is allowed.
     #[serde(default)]
@@ -42,6 +45,56 @@ pub struct Claim {
     /// For `kept`: the least share of the iterations, after the first in which the constraint was met, in which it must be met.
     #[serde(default = "Claim::nearly_all")]
     pub share: UnitInterval,
+}
+
+/// What the runs of a claim are compared with.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Versus {
+    /// The return of the demonstration that they learned from.
+    Demonstration,
+    /// Other runs.
+    Runs(Selection),
+}
+
+impl Versus {
+    /// What a file calls the demonstration's return.
+    pub(super) const DEMONSTRATION: &str = "demonstration";
+}
+
+impl fmt::Display for Versus {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Demonstration => f.write_str(Self::DEMONSTRATION),
+            Self::Runs(selection) => selection.fmt(f),
+        }
+    }
+}
+
+impl Serialize for Versus {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+impl<'de> Deserialize<'de> for Versus {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let text = String::deserialize(deserializer)?;
+        if text == Self::DEMONSTRATION {
+            return Ok(Self::Demonstration);
+        }
+        let selection = Selection::parse(&text);
+        selection.map(Self::Runs).map_err(|error| D::Error::custom(told(&error.to_string(), None)))
+    }
+}
+
+impl JsonSchema for Versus {
+    fn schema_name() -> std::borrow::Cow<'static, str> {
+        "Versus".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "type": "string" })
+    }
 }
 
 /// What a claim says.
@@ -81,9 +134,6 @@ pub enum Environments {
 }
 
 impl Claim {
-    /// What `than` calls the demonstration's return.
-    pub const DEMONSTRATION: &'static str = "demonstration";
-
     fn returns() -> Measure {
         Measure::Return
     }
@@ -96,7 +146,7 @@ impl Claim {
     pub(super) fn specimen() -> Self {
         Self {
             name: "claim".into(),
-            of: "algorithm=mcpo".into(),
+            of: Selection::parse("algorithm=mcpo").expect("a selection"),
             is: Relation::Above,
             than: None,
             on: Self::returns(),

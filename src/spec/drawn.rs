@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use super::{Key, Selection, named::named};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{
     Deserialize, Deserializer, Serialize, Serializer,
@@ -12,14 +13,14 @@ use serde::{
 #[derive(Debug, Clone, PartialEq)]
 pub enum Panels {
     /// Each value of this axis.
-    Axis(String),
+    Axis(Key),
     /// Each of these selections, as for `--only`; a run may be in several.
-    Selections(Vec<String>),
+    Selections(Vec<Selection>),
 }
 
 impl Default for Panels {
     fn default() -> Self {
-        Self::Axis("env".to_owned())
+        Self::Axis(Key::Env)
     }
 }
 
@@ -30,7 +31,7 @@ impl Panels {
 impl Serialize for Panels {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         match self {
-            Self::Axis(axis) => serializer.serialize_str(axis),
+            Self::Axis(axis) => axis.serialize(serializer),
             Self::Selections(selections) => selections.serialize(serializer),
         }
     }
@@ -48,11 +49,11 @@ impl<'de> Deserialize<'de> for Panels {
             }
 
             fn visit_str<E: Error>(self, axis: &str) -> Result<Panels, E> {
-                Ok(Panels::Axis(axis.to_owned()))
+                named(axis).map(Panels::Axis)
             }
 
             fn visit_seq<A: SeqAccess<'de>>(self, selections: A) -> Result<Panels, A::Error> {
-                let selections = Vec::<String>::deserialize(SeqAccessDeserializer::new(selections))?;
+                let selections = Vec::<Selection>::deserialize(SeqAccessDeserializer::new(selections))?;
                 match selections.is_empty() {
                     true => Err(A::Error::custom("a figure needs at least one panel")),
                     false => Ok(Panels::Selections(selections)),

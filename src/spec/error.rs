@@ -31,6 +31,8 @@ pub struct SpecError {
     pub label: Option<String>,
     /// What else may be known to the reader.
     pub help: Option<String>,
+    /// The keys that it is about: those on the way to the place, and the one that was probably meant.
+    pub(super) about: Vec<String>,
 }
 
 impl SpecError {

@@ -1,8 +1,13 @@
 //! What a report shows: figures and tables.
 
+use std::fmt;
+
 use serde::{Deserialize, Serialize};
 
-use super::{Band, Drawing, Panels, Width};
+use super::{
+    Band, Drawing, Key, Panels, Parameter, Selection, Width,
+    named::{Named, by_name},
+};
 use crate::{measured::Measure, quantity::EnvSteps};
 
 /// `[[figures]]`: learning curves in panels.
@@ -17,17 +22,17 @@ pub struct Figure {
     /// one step of MCPO, which needs no run.
     pub y: Drawing,
     /// Axes whose values make one curve each, such as `["d"]`.
-    pub series: Vec<String>,
+    pub series: Vec<Key>,
     /// An axis, for one panel per value, or a list of selections, as for `--only`, for one panel per selection; one panel per
     /// environment when absent.
     #[serde(default)]
     pub panels: Panels,
     /// Runs that are drawn, as for `--only`; all when absent.
     #[serde(skip_serializing_if = "Option::is_none", default)]
-    pub only: Option<String>,
+    pub only: Option<Selection>,
     /// The paper's table whose values are marked: `table3`, `table4` or `table5`.
     #[serde(skip_serializing_if = "Option::is_none", default)]
-    pub reference: Option<String>,
+    pub reference: Option<Reference>,
     /// Whether the y axis is logarithmic.
     #[serde(default)]
     pub log_y: bool,
@@ -51,15 +56,15 @@ pub struct Table {
     /// Title above the table.
     pub title: String,
     /// Axes whose values make one row each.
-    pub rows: Vec<String>,
+    pub rows: Vec<Key>,
     /// The axis whose values make one column each.
-    pub columns: String,
+    pub columns: Key,
     /// Runs that count, as for `--only`; all when absent.
     #[serde(skip_serializing_if = "Option::is_none", default)]
-    pub only: Option<String>,
+    pub only: Option<Selection>,
     /// The paper's table to compare with: `table3`, `table4` or `table5`.
     #[serde(skip_serializing_if = "Option::is_none", default)]
-    pub reference: Option<String>,
+    pub reference: Option<Reference>,
 }
 
 /// `[[settings]]`: what was set, from the specifications as they were resolved.
@@ -71,20 +76,94 @@ pub struct SettingsTable {
     /// Title above the table.
     pub title: String,
     /// What is shown: parameters, and `observations`, `actions` and `trajectories` of the environment and its demonstration.
-    pub show: Vec<String>,
+    pub show: Vec<Shown>,
     /// Axes whose values make one row each, with one column per parameter; one row per parameter when absent.
     #[serde(default)]
-    pub rows: Vec<String>,
+    pub rows: Vec<Key>,
     /// Runs that count, as for `--only`; all when absent.
     #[serde(skip_serializing_if = "Option::is_none", default)]
-    pub only: Option<String>,
+    pub only: Option<Selection>,
 }
 
-/// What a table of settings can show beside parameters.
-pub(super) const OF_ENVIRONMENTS: [&str; 3] = ["observations", "actions", "trajectories"];
+/// What a table of settings shows.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Shown {
+    /// Numbers in an observation.
+    Observations,
+    /// Numbers in an action.
+    Actions,
+    /// Episodes of the demonstration.
+    Trajectories,
+    /// What was set.
+    Parameter(Parameter),
+}
 
-/// The paper's tables that a table can be compared with.
-pub(super) const REFERENCES: [&str; 3] = ["table3", "table4", "table5"];
+impl Named for Shown {
+    const WHAT: &str = "parameter";
+
+    fn named(name: &str) -> Option<Self> {
+        match name {
+            "observations" => Some(Self::Observations),
+            "actions" => Some(Self::Actions),
+            "trajectories" => Some(Self::Trajectories),
+            _ => Parameter::find(name).map(Self::Parameter),
+        }
+    }
+
+    fn known() -> Vec<String> {
+        let of_environments = [Self::Observations, Self::Actions, Self::Trajectories].map(|shown| shown.to_string());
+        of_environments.into_iter().chain(Parameter::names()).collect()
+    }
+}
+
+by_name!(Shown);
+
+impl fmt::Display for Shown {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Observations => f.write_str("observations"),
+            Self::Actions => f.write_str("actions"),
+            Self::Trajectories => f.write_str("trajectories"),
+            Self::Parameter(parameter) => parameter.fmt(f),
+        }
+    }
+}
+
+/// One of the paper's tables of returns.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Reference {
+    /// All methods in all environments.
+    Table3,
+    /// The same, by another measure of the same runs.
+    Table4,
+    /// The ablation of d and epsilon.
+    Table5,
+}
+
+impl Reference {
+    const NAMED: [(&str, Self); 3] = [("table3", Self::Table3), ("table4", Self::Table4), ("table5", Self::Table5)];
+}
+
+impl Named for Reference {
+    const WHAT: &str = "reference";
+
+    fn named(name: &str) -> Option<Self> {
+        Self::NAMED.iter().find(|(known, _)| *known == name).map(|(_, reference)| *reference)
+    }
+
+    fn known() -> Vec<String> {
+        Self::NAMED.map(|(name, _)| name.to_owned()).into()
+    }
+}
+
+by_name!(Reference);
+
+impl fmt::Display for Reference {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = Self::NAMED.iter().find(|(_, known)| known == self).map_or("", |(name, _)| name);
+        f.write_str(name)
+    }
+}
 
 impl Figure {
     /// The figure `name` of the dense return in each environment.
@@ -116,7 +195,7 @@ impl SettingsTable {
 impl Table {
     /// A valid table.
     pub(super) fn specimen() -> Self {
-        let (name, title, columns) = ("table".into(), "Table".into(), "algorithm".into());
+        let (name, title, columns) = ("table".into(), "Table".into(), Key::Algorithm);
         Self { name, title, rows: vec![], columns, only: None, reference: None }
     }
 }

@@ -7,12 +7,14 @@ mod assemble;
 mod catalog;
 mod check;
 mod claim;
-mod cross;
+mod combinations;
 mod drawn;
 mod error;
 mod figure;
+mod key;
 mod layers;
 mod measured;
+mod named;
 mod names;
 mod parameter;
 mod resolve;
@@ -29,12 +31,14 @@ use std::{
 };
 
 pub use crate::algo::Algorithm;
-pub use claim::{Claim, Environments, Part, Relation};
+pub use claim::{Claim, Environments, Part, Relation, Versus};
 pub use drawn::{Band, Panels, Width};
 pub use error::{Place, SpecError, SpecErrors};
-pub use figure::{Figure, SettingsTable, Table};
+pub use figure::{Figure, Reference, SettingsTable, Shown, Table};
+pub use key::Key;
 pub use measured::Drawing;
-pub(crate) use parameter::{Kind, Parameter};
+pub(crate) use parameter::Kind;
+pub use parameter::Parameter;
 pub use resolve::ResolveError;
 pub use schema::schema;
 pub use selection::{Selection, SelectionError};
@@ -89,8 +93,17 @@ pub struct Block {
     pub env: Vec<EnvId>,
     /// Algorithms, by name.
     pub algorithm: Vec<String>,
-    /// Other axes: key (`d`, `epsilon`, `mcpo.max_kl` ...) and values, in the file's order.
-    pub axes: Vec<(String, Vec<toml::Value>)>,
+    /// Other axes (`d`, `epsilon`, `mcpo.max_kl` ...), in the file's order.
+    pub axes: Vec<Axis>,
+}
+
+/// One list of a block.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Axis {
+    /// What it varies.
+    pub parameter: Parameter,
+    /// Its values, in the file's order.
+    pub values: Vec<toml::Value>,
 }
 
 /// What is set on the command line, over the file and the environment variables.
@@ -105,20 +118,24 @@ pub struct Overrides {
 /// The specification in the file at `path`, over the files that it extends and under `MCPO_...` variables and
 /// `overrides`.
 ///
-/// Errors: everything that is wrong in any layer, and everything that does not go together.
+/// # Errors
+///
+/// Everything that is wrong in any layer, and everything that does not go together.
 pub fn load(path: &Path, overrides: &Overrides) -> Result<ExperimentSpec, SpecErrors> {
     assemble::assemble(path, None, overrides)
 }
 
 /// The same for a `text` as if it stood at `path`, whatever the environment variables say.
 ///
-/// Errors: as for [`load`].
+/// # Errors
+///
+/// As for [`load`].
 pub fn parse(path: &Path, text: &str, overrides: &Overrides) -> Result<ExperimentSpec, SpecErrors> {
     assemble::assemble(path, Some(text), overrides)
 }
 
 /// One combination of a block but for its seed: environment, algorithm, and the values of the axes that apply to it.
-pub type Combination<'a> = (EnvId, &'a str, Vec<(&'a str, &'a toml::Value)>);
+pub type Combination<'a> = (EnvId, &'a str, Vec<(&'a Parameter, &'a toml::Value)>);
 
 impl ExperimentSpec {
     /// How many runs the blocks name; what two of them name counts twice.
@@ -128,7 +145,9 @@ impl ExperimentSpec {
 
     /// Whether the runs that learn from these demonstrations can start.
     ///
-    /// Errors: those that do not exist, with the place that names them. A report needs none, so [`load`] does not refuse
+    /// # Errors
+    ///
+    /// Those that do not exist, with the place that names them. A report needs none, so [`load`] does not refuse
     /// them.
     pub fn ready<'a>(&self, demonstrations: impl IntoIterator<Item = &'a Path>) -> Result<(), SpecErrors> {
         let needed: BTreeSet<&Path> = demonstrations.into_iter().collect();
@@ -144,14 +163,14 @@ impl Block {
         let mut all = Vec::new();
         for &env in &self.env {
             for algorithm in &self.algorithm {
-                let mut products: Vec<Vec<(&str, &toml::Value)>> = vec![Vec::new()];
-                for (key, values) in self.applicable(algorithm) {
+                let mut products: Vec<Vec<(&Parameter, &toml::Value)>> = vec![Vec::new()];
+                for Axis { parameter, values } in self.applicable(algorithm) {
                     products = products
                         .into_iter()
                         .flat_map(|axes| {
                             values.iter().map(move |value| {
                                 let mut axes = axes.clone();
-                                axes.push((key, value));
+                                axes.push((parameter, value));
                                 axes
                             })
                         })
@@ -165,16 +184,13 @@ impl Block {
 
     /// The number of runs.
     fn size(&self) -> usize {
-        let one = |algorithm| self.applicable(algorithm).map(|(_, values)| values.len()).fold(1, usize::saturating_mul);
+        let one = |algorithm| self.applicable(algorithm).map(|axis| axis.values.len()).fold(1, usize::saturating_mul);
         let combinations = self.algorithm.iter().map(|name| one(name)).fold(0, usize::saturating_add);
         combinations.saturating_mul(self.env.len()).saturating_mul(self.seed.len())
     }
 
     /// The axes that `algorithm` has.
-    fn applicable(&self, algorithm: &str) -> impl Iterator<Item = (&str, &[toml::Value])> {
-        self.axes
-            .iter()
-            .filter(move |(key, _)| Parameter::find(key).is_some_and(|parameter| parameter.applies_to(algorithm)))
-            .map(|(key, values)| (key.as_str(), values.as_slice()))
+    fn applicable(&self, algorithm: &str) -> impl Iterator<Item = &Axis> {
+        self.axes.iter().filter(move |axis| axis.parameter.applies_to(algorithm))
     }
 }

@@ -1,10 +1,12 @@
 //! The keys that can be axes: any setting, and any hyperparameter.
 
+use std::fmt;
+
 use super::catalog::{Catalog, Section};
 
 /// A setting or hyperparameter, as an axis, a figure or a selection names it.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) enum Parameter {
+pub enum Parameter {
     /// `budget.env_steps`, `reward`: a setting of every run.
     Setting(String),
     /// `d`: a hyperparameter of every algorithm that has it.
@@ -46,15 +48,27 @@ impl Parameter {
         catalog.algorithms().any(|(_, section)| has(section, name)).then(|| Self::Shared(name.into()))
     }
 
+    /// Its key among the settings or an algorithm's hyperparameters.
+    pub(crate) fn key(&self) -> &str {
+        match self {
+            Self::Setting(key) | Self::Shared(key) | Self::Own { key, .. } => key,
+        }
+    }
+
+    /// The last part of its key: `max_kl` of `mcpo.max_kl`.
+    pub(crate) fn last_part(&self) -> &str {
+        self.key().rsplit('.').next().unwrap_or_default()
+    }
+
     /// Every name that [`find`](Self::find) knows.
     pub(crate) fn names() -> Vec<String> {
         let catalog = Catalog::get();
-        let mut names = catalog.settings.leaves();
+        let mut names: Vec<String> = catalog.settings.leaves().iter().cloned().collect();
         for (_, section) in catalog.algorithms() {
-            names.extend(section.leaves());
+            names.extend(section.leaves().iter().cloned());
         }
         for (algorithm, section) in catalog.algorithms() {
-            names.extend(section.leaves().into_iter().map(|key| format!("{algorithm}.{key}")));
+            names.extend(section.leaves().iter().map(|key| format!("{algorithm}.{key}")));
         }
         names.sort_unstable();
         names.dedup();
@@ -114,10 +128,19 @@ impl Parameter {
     }
 }
 
+impl fmt::Display for Parameter {
+    /// Its name, as [`find`](Self::find) knows it.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Setting(key) | Self::Shared(key) => f.write_str(key),
+            Self::Own { algorithm, key } => write!(f, "{algorithm}.{key}"),
+        }
+    }
+}
+
 /// Whether `section` has a value, not a table, at the dotted `key`.
 fn has(section: &Section, key: &str) -> bool {
-    let path: Vec<&str> = key.split('.').collect();
-    section.schema(&path).is_some() && section.keys(&path).is_none()
+    section.leaves().contains(key)
 }
 
 #[cfg(test)]
@@ -134,7 +157,7 @@ mod tests {
         let own = Parameter::Own { algorithm: "mcpo", key: "mmd.samples".into() };
         assert_eq!(Parameter::find("mcpo.mmd.samples"), Some(own));
         for name in Parameter::names() {
-            assert!(Parameter::find(&name).is_some(), "{name}");
+            assert_eq!(Parameter::find(&name).map(|found| found.to_string()), Some(name));
         }
     }
 

@@ -30,12 +30,14 @@ pub enum ResolveError {
 impl ExperimentSpec {
     /// The settings and the algorithm of a run of `algorithm` in `env` under the axes' values `axes`.
     ///
-    /// Errors: there is no budget, or a value is wrong, which [`load`](super::load) would have refused.
+    /// # Errors
+    ///
+    /// There is no budget, or a value is wrong, which [`load`](super::load) would have refused.
     pub fn resolve(
         &self,
         env: EnvId,
         algorithm: &str,
-        axes: &[(&str, &toml::Value)],
+        axes: &[(&Parameter, &toml::Value)],
     ) -> Result<(Settings, Algorithm), ResolveError> {
         let wrong = |source| ResolveError::Value { env, algorithm: algorithm.into(), source };
         let catalog = Catalog::get();
@@ -52,15 +54,14 @@ impl ExperimentSpec {
         for own in algorithms.into_iter().flatten().filter_map(|algorithms| algorithms.get(algorithm)?.as_table()) {
             section.merge(&mut hyperparameters, own);
         }
-        for (key, value) in axes {
-            match Parameter::find(key) {
-                Some(Parameter::Setting(key)) => catalog.settings.merge(&mut given, &nested(&key, value)),
-                Some(parameter) => {
+        for (parameter, value) in axes {
+            match parameter {
+                Parameter::Setting(key) => catalog.settings.merge(&mut given, &nested(key, value)),
+                Parameter::Shared(_) | Parameter::Own { .. } => {
                     if let Some(key) = parameter.hyperparameter_of(algorithm) {
                         section.merge(&mut hyperparameters, &nested(key, value));
                     }
                 }
-                None => {}
             }
         }
 

@@ -1,14 +1,11 @@
 //! The JSON Schema of a matrix file, for editors.
 
-use std::sync::LazyLock;
-
 use serde_json::{Map, Value, json};
 
 use super::{
-    Algorithm, Drawing, Parameter,
+    Algorithm, Drawing, Key, Parameter, Reference, Shown,
     catalog::{Catalog, Section},
-    check::BLOCK_KEYS,
-    figure,
+    named::Named,
 };
 use crate::{env::EnvId, measured::Measure};
 
@@ -58,16 +55,17 @@ pub fn schema() -> Value {
         let mut element = section.schema(&[]).cloned().unwrap_or_default();
         let fields = &mut element["properties"];
         fields["name"] = name("File name without extension");
-        for (field, names) in
-            [("y", Drawing::names().collect()), ("reference", figure::REFERENCES.to_vec()), ("columns", dimensions())]
-        {
+        for (field, names) in [
+            ("y", Drawing::names().map(str::to_owned).collect()),
+            ("reference", Reference::known()),
+            ("columns", Key::known()),
+        ] {
             fields.get_mut(field).into_iter().for_each(|schema| one_of(schema, &names));
         }
         if let Some(axis) = fields.get_mut("panels").and_then(|panels| panels["anyOf"].get_mut(0)) {
-            one_of(axis, &dimensions());
+            one_of(axis, &Key::known());
         }
-        let shown: Vec<&str> = figure::OF_ENVIRONMENTS.into_iter().chain(parameters()).collect();
-        for (field, names) in [("series", dimensions()), ("rows", dimensions()), ("show", shown)] {
+        for (field, names) in [("series", Key::known()), ("rows", Key::known()), ("show", Shown::known())] {
             let items = fields.get_mut(field).and_then(|list| list.get_mut("items"));
             items.into_iter().for_each(|schema| one_of(schema, &names));
         }
@@ -108,7 +106,7 @@ fn block() -> Value {
 /// A claim: what is kept is compared with nothing, what is compared is compared with something.
 fn claim(section: &Section) -> Value {
     let mut claim = section.schema(&[]).cloned().unwrap_or_default();
-    one_of(&mut claim["properties"]["on"], &Measure::names().collect::<Vec<_>>());
+    one_of(&mut claim["properties"]["on"], &Measure::names().map(str::to_owned).collect::<Vec<_>>());
     let relation = |names: &[&str]| json!({ "is": { "enum": names } });
     let mut compared = relation(&["above", "below"]);
     compared["share"] = json!(false);
@@ -138,19 +136,8 @@ fn value(name: &str) -> Option<Value> {
     }
 }
 
-/// What runs can be told apart by.
-fn dimensions() -> Vec<&'static str> {
-    BLOCK_KEYS.into_iter().chain(parameters()).collect()
-}
-
-/// The names of all parameters.
-fn parameters() -> impl Iterator<Item = &'static str> {
-    static NAMES: LazyLock<Vec<String>> = LazyLock::new(Parameter::names);
-    NAMES.iter().map(String::as_str)
-}
-
 /// Lets `schema`, of a text, have these values alone.
-fn one_of(schema: &mut Value, names: &[&str]) {
+fn one_of(schema: &mut Value, names: &[String]) {
     if let Some(fields) = schema.as_object_mut() {
         let may_be_absent = fields["type"].is_array();
         let names = names.iter().map(|name| json!(name)).chain(may_be_absent.then_some(Value::Null));

@@ -1,9 +1,13 @@
 //! Which runs are meant: `env=Hopper-v2,algorithm=mcpo,d!=0.001`.
 
+use std::fmt;
+
+use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};
+
 use super::{
-    Algorithm, Parameter,
-    check::BLOCK_KEYS,
-    names::nearest_label,
+    Algorithm, Key,
+    named::Named,
+    names::{nearest_label, told},
     source::{pieces, value as parsed},
 };
 use crate::env::EnvId;
@@ -11,10 +15,12 @@ use crate::env::EnvId;
 /// Runs by the values of their axes and parameters. Different keys must all match; of one key given twice, one value.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Selection {
+    /// As it was written.
+    text: String,
     /// Keys with the values that they may have.
-    pub(crate) wanted: Vec<(String, Vec<toml::Value>)>,
+    pub(crate) wanted: Vec<(Key, Vec<toml::Value>)>,
     /// Keys with the values that they may not have; a run without the key has none of them.
-    pub(crate) unwanted: Vec<(String, Vec<toml::Value>)>,
+    pub(crate) unwanted: Vec<(Key, Vec<toml::Value>)>,
 }
 
 /// A selection that cannot be understood.
@@ -46,9 +52,11 @@ pub enum SelectionError {
 impl Selection {
     /// The runs that `text` (`KEY=VALUE,KEY!=VALUE...`) means.
     ///
-    /// Errors: a piece has another form, or names a key, environment or algorithm that does not exist.
+    /// # Errors
+    ///
+    /// A piece has another form, or names a key, environment or algorithm that does not exist.
     pub fn parse(text: &str) -> Result<Self, SelectionError> {
-        let mut selection = Self::default();
+        let mut selection = Self { text: text.to_owned(), ..Self::default() };
         for piece in pieces(text) {
             let (key, value) = piece.split_once('=').ok_or_else(|| SelectionError::Form(piece.into()))?;
             let (key, list) = match key.strip_suffix('!') {
@@ -56,37 +64,73 @@ impl Selection {
                 None => (key, &mut selection.wanted),
             };
             let (key, value) = (key.trim().trim_matches('"'), value.trim());
-            let value = meaning(key, value)?;
-            match list.iter_mut().find(|(known, _)| known == key) {
+            let key = Key::parse(key).ok_or_else(|| unknown(key))?;
+            let value = meaning(&key, value)?;
+            match list.iter_mut().find(|(known, _)| *known == key) {
                 Some((_, values)) => values.push(value),
-                None => list.push((key.into(), vec![value])),
+                None => list.push((key, vec![value])),
             }
         }
         Ok(selection)
     }
 }
 
+/// The error that no run has the key `name`.
+fn unknown(name: &str) -> SelectionError {
+    let known = Key::known();
+    let known = nearest_label("one", name, known.iter().map(String::as_str)).unwrap_or_default();
+    SelectionError::Key { key: name.to_owned(), known }
+}
+
 /// What `value` means for `key`.
-fn meaning(key: &str, value: &str) -> Result<toml::Value, SelectionError> {
-    let unknown = |known: String| SelectionError::Value { key: key.into(), value: value.into(), known };
+fn meaning(key: &Key, value: &str) -> Result<toml::Value, SelectionError> {
+    let unknown = |known: String| SelectionError::Value { key: key.to_string(), value: value.to_owned(), known };
     let text = match key {
-        "env" => {
+        Key::Env => {
             let env: EnvId = value.parse().map_err(|_| unknown(EnvId::known_instead(value)))?;
             env.name().to_owned()
         }
-        "algorithm" if Algorithm::names().any(|name| name == value) => value.to_owned(),
-        "algorithm" => {
+        Key::Algorithm if Algorithm::names().any(|name| name == value) => value.to_owned(),
+        Key::Algorithm => {
             return Err(unknown(nearest_label("one", value, Algorithm::names()).unwrap_or_default()));
         }
-        _ if key == "seed" || Parameter::find(key).is_some() => {
-            return Ok(parsed(value));
-        }
-        _ => {
-            let names = Parameter::names();
-            let known = BLOCK_KEYS.into_iter().chain(names.iter().map(String::as_str));
-            let known = nearest_label("one", key, known).unwrap_or_default();
-            return Err(SelectionError::Key { key: key.into(), known });
-        }
+        Key::Seed | Key::Parameter(_) => return Ok(parsed(value)),
     };
     Ok(toml::Value::String(text))
+}
+
+impl fmt::Display for Selection {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
+    }
+}
+
+impl Serialize for Selection {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(&self.text)
+    }
+}
+
+impl<'de> Deserialize<'de> for Selection {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let parsed = Self::parse(&String::deserialize(deserializer)?);
+        parsed.map_err(|error| D::Error::custom(told(&error.to_string(), None)))
+    }
+}
+
+impl schemars::JsonSchema for Selection {
+    fn schema_name() -> std::borrow::Cow<'static, str> {
+        "Selection".into()
+    }
+
+    fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+        schemars::json_schema!({ "type": "string" })
+    }
+}
+
+#[cfg(test)]
+impl From<&str> for Selection {
+    fn from(text: &str) -> Self {
+        Self::parse(text).expect("a selection")
+    }
 }

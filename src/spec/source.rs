@@ -100,7 +100,7 @@ impl Layer {
                 Some((message, expected)) => (message.to_owned(), Some(format!("expected {expected}"))),
                 None => (error.message().to_owned(), None),
             };
-            let error = SpecError { message, place: self.place(span), label, help: None };
+            let error = SpecError { message, place: self.place(span), label, help: None, about: Vec::new() };
             // What follows a slip on its line, or a list, table or text that does not end, follows from it.
             if open || told.last().is_some_and(|last| last.line() == error.line()) {
                 continue;
@@ -182,7 +182,7 @@ pub(super) fn files(path: &Path, text: Option<&str>) -> (Vec<Layer>, Vec<SpecErr
         Ok(text) => Some(Layer::file(path, &text)),
         Err(reason) => {
             let place = Place::Layer(path.display().to_string());
-            return (chain, vec![SpecError { message: reason, place, label: None, help: None }]);
+            return (chain, vec![SpecError { message: reason, place, label: None, help: None, about: Vec::new() }]);
         }
     };
     let mut errors = Vec::new();
@@ -190,7 +190,8 @@ pub(super) fn files(path: &Path, text: Option<&str>) -> (Vec<Layer>, Vec<SpecErr
         seen.extend(layer.path.as_ref().map(|path| path.canonicalize().unwrap_or_else(|_| path.clone())));
         if let Some((base, span)) = extended(&layer) {
             let base = layer.folder().join(base);
-            let refuse = |message| SpecError { message, place: layer.place(span), label: None, help: None };
+            let refuse =
+                |message| SpecError { message, place: layer.place(span), label: None, help: None, about: Vec::new() };
             match read(&base) {
                 Err(reason) => errors.push(refuse(format!("cannot extend {}: {reason}", base.display()))),
                 Ok(_) if base.canonicalize().is_ok_and(|base| seen.contains(&base)) => {
@@ -234,7 +235,13 @@ pub(super) fn overriding(overrides: &Overrides, variables: bool) -> (Vec<Layer>,
     let mut layers = Vec::new();
     let mut errors = Vec::new();
     let mut refuse = |name: &str, message: String, label: &str| {
-        errors.push(SpecError { message, place: Place::Layer(name.into()), label: Some(label.into()), help: None });
+        errors.push(SpecError {
+            message,
+            place: Place::Layer(name.into()),
+            label: Some(label.into()),
+            help: None,
+            about: Vec::new(),
+        });
     };
     if variables {
         for (name, (key, text)) in layers::variables() {
@@ -344,6 +351,7 @@ pub(super) fn axis_lists(overrides: &Overrides) -> (Vec<AxisList>, Vec<SpecError
                 place: Place::Layer(name),
                 label: Some(format!("write all of its values in one `--axis {key}=VALUE,VALUE...`")),
                 help: None,
+                about: Vec::new(),
             }),
             Some((key, values)) if !key.is_empty() => {
                 let text = format!("{} = {}", quoted(key), list(values));
@@ -354,6 +362,7 @@ pub(super) fn axis_lists(overrides: &Overrides) -> (Vec<AxisList>, Vec<SpecError
                 place: Place::Layer(name),
                 label: Some("such as `seed=0,1`".into()),
                 help: None,
+                about: Vec::new(),
             }),
         }
     }

@@ -11,7 +11,7 @@ use std::{
 use anyhow::{Context, bail};
 
 use super::{
-    super::{print, selected::Selected},
+    super::{chosen::Chosen, print},
     mmd_of_doing_nothing, not_over,
 };
 use crate::{
@@ -29,7 +29,7 @@ use crate::{
 #[derive(Debug, clap::Args)]
 pub struct CollectArguments {
     #[command(flatten)]
-    selected: Selected,
+    chosen: Chosen,
     /// The folder that the demonstrations are written to, as ENV.parquet
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -90,9 +90,9 @@ struct Candidate {
 
 /// Writes one demonstration an environment, and prints where each comes from.
 pub fn run(arguments: &CollectArguments) -> anyhow::Result<ExitCode> {
-    let specs = arguments.selected.load()?;
+    let specs = arguments.chosen.load()?;
     let mut runs: BTreeMap<EnvId, Vec<RunSpec>> = BTreeMap::new();
-    for run in arguments.selected.runs(&specs)? {
+    for run in arguments.chosen.runs(&specs)? {
         runs.entry(run.env).or_default().push(run);
     }
     let file = |env: EnvId| arguments.out.join(format!("{env}.parquet"));
@@ -101,7 +101,7 @@ pub fn run(arguments: &CollectArguments) -> anyhow::Result<ExitCode> {
     let mut missing = Vec::new();
     for (env, runs) in runs {
         let wanted = Wanted::new(env, arguments.target)?;
-        match best(&runs, &arguments.selected.results, arguments.starts, &wanted)? {
+        match best(&runs, &arguments.chosen.results, arguments.starts, &wanted)? {
             None => missing.push(env.name()),
             Some(candidate) => tell(&candidate, &wanted, &write(&candidate, &wanted, &file(env))?)?,
         }

@@ -2,6 +2,7 @@
 
 mod collect;
 mod import;
+mod rewards;
 mod show;
 mod traces;
 mod verify;

@@ -1,17 +1,11 @@
 //! `mcpo-run demo show FILE...`.
 
-use std::{
-    path::{Path, PathBuf},
-    process::ExitCode,
-};
+use std::{path::PathBuf, process::ExitCode};
 
 use anyhow::{Context, bail};
 
-use super::{super::print, mmd_of_doing_nothing, size, summary, traces};
-use crate::{
-    demo::{Demonstration, import::recomputed_rewards},
-    record::write_atomically,
-};
+use super::{super::print, mmd_of_doing_nothing, rewards::Rewards, size, summary, traces};
+use crate::{demo::Demonstration, record::write_atomically};
 
 /// Which files.
 #[derive(Debug, clap::Args)]
@@ -35,7 +29,7 @@ pub fn run(arguments: &ShowArguments) -> anyhow::Result<ExitCode> {
         }
     };
     let demonstration = Demonstration::read(file)?;
-    let rewards = rewards(&demonstration, file)?;
+    let rewards = Rewards::of(&demonstration, file)?;
     print(&facts(&demonstration, rewards.as_ref()))?;
     if let Some(out) = &arguments.out {
         let name = file.file_name().map(|name| name.to_string_lossy()).unwrap_or_default();
@@ -47,27 +41,6 @@ pub fn run(arguments: &ShowArguments) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Dense rewards, and where they are from.
-pub struct Rewards {
-    /// One a step.
-    pub values: Vec<f64>,
-    /// `as recorded`, or what they were computed from.
-    pub source: &'static str,
-}
-
-/// The recorded rewards; else those that observations and actions tell, if it is known of which environment they are.
-fn rewards(demonstration: &Demonstration, path: &Path) -> anyhow::Result<Option<Rewards>> {
-    if let Some(values) = demonstration.rewards.clone() {
-        return Ok(Some(Rewards { values, source: "as recorded" }));
-    }
-    let env = demonstration.provenance.iter().find(|(key, _)| key == "env").and_then(|(_, name)| name.parse().ok());
-    env.map(|env| {
-        let values = recomputed_rewards(demonstration, path, env)?;
-        Ok(Rewards { values, source: "from observations and actions" })
-    })
-    .transpose()
-}
-
 /// A Markdown table of the demonstrations in `files`: what decides which tolerance is tight.
 fn table(files: &[PathBuf]) -> anyhow::Result<String> {
     let mut text = "| file | episodes | steps | return | action rms | D of doing nothing |\n\
@@ -75,7 +48,7 @@ fn table(files: &[PathBuf]) -> anyhow::Result<String> {
         .to_owned();
     for file in files {
         let demonstration = Demonstration::read(file)?;
-        let rewards = rewards(&demonstration, file)?;
+        let rewards = Rewards::of(&demonstration, file)?;
         let episodes = demonstration.episode_starts.len();
         let earned = rewards.map_or_else(
             || "not recorded".to_owned(),

@@ -1,6 +1,6 @@
 //! A demonstration as a picture: what each episode earned so far, and each number of its actions, over its steps.
 
-use super::show::Rewards;
+use super::rewards::Rewards;
 use crate::{
     demo::Demonstration,
     report::{

@@ -9,7 +9,7 @@ pub mod measure;
 use std::collections::BTreeSet;
 
 use super::{
-    ReportError,
+    amount,
     axis::{self, Group},
     notes,
     recorded::{Run, State, demonstrated_return},
@@ -18,8 +18,7 @@ use super::{
 };
 use crate::{
     measured::Measure,
-    plan::Selection,
-    spec::{Claim, Environments, Relation},
+    spec::{Claim, Environments, Key, Relation, Selection, Versus},
     stats::{Interval, share_above},
 };
 use judge::{Judged, Part, judge};
@@ -94,12 +93,10 @@ impl ClaimVerdict {
 
 impl ClaimsData {
     /// The `claims` of a file, judged by `runs`, in the plan's order.
-    ///
-    /// Errors: a selection cannot be understood.
-    pub fn new(claims: &[Claim], runs: &[Run]) -> Result<Self, ReportError> {
-        let rows = claims.iter().map(|claim| rows(claim, runs)).collect::<Result<Vec<_>, ReportError>>()?.concat();
+    pub fn new(claims: &[Claim], runs: &[Run]) -> Self {
+        let rows: Vec<ClaimRow> = claims.iter().flat_map(|claim| rows(claim, runs)).collect();
         let notes = notes::of_claims(&rows);
-        Ok(Self { rows, notes })
+        Self { rows, notes }
     }
 
     /// The claims, each with its rows.
@@ -123,29 +120,27 @@ struct Sides<'a> {
     than: Vec<&'a Run>,
 }
 
-fn rows(claim: &Claim, runs: &[Run]) -> Result<Vec<ClaimRow>, ReportError> {
-    let only = claim.only.as_deref().map(Selection::parse).transpose()?;
-    let meant = |selection: &str| -> Result<Vec<&Run>, ReportError> {
-        let selection = Selection::parse(selection)?;
-        let both = |run: &&Run| run.is_in(&selection) && only.as_ref().is_none_or(|only| run.is_in(only));
-        Ok(runs.iter().filter(both).collect())
+fn rows(claim: &Claim, runs: &[Run]) -> Vec<ClaimRow> {
+    let meant = |selection: &Selection| -> Vec<&Run> {
+        let both = |run: &&Run| run.is_in(selection) && claim.only.as_ref().is_none_or(|only| run.is_in(only));
+        runs.iter().filter(both).collect()
     };
-    let than = match claim.than.as_deref() {
-        None | Some(Claim::DEMONSTRATION) => Vec::new(),
-        Some(selection) => meant(selection)?,
+    let than = match &claim.than {
+        None | Some(Versus::Demonstration) => Vec::new(),
+        Some(Versus::Runs(selection)) => meant(selection),
     };
     let opposite: BTreeSet<&str> = than.iter().map(|run| run.spec.id.as_str()).collect();
-    let mut of = meant(&claim.of)?;
+    let mut of = meant(&claim.of);
     of.retain(|run| !opposite.contains(run.spec.id.as_str()));
 
-    let compares_runs = claim.than.as_deref().is_some_and(|than| than != Claim::DEMONSTRATION);
-    let keys = axis::hidden_axes(&of, &["env".to_owned()]);
+    let compares_runs = matches!(claim.than, Some(Versus::Runs(_)));
+    let keys = axis::hidden_axes(&of, &[Key::Env]);
     let settings = axis::group(&of, &keys);
     let labels = axis::labels(&keys, &settings);
     let mut made: Vec<Row<'_>> = Vec::new();
     for (setting, label) in settings.iter().zip(labels) {
         let setting_text = if settings.len() > 1 { label.text } else { String::new() };
-        let by_env = axis::group(&setting.runs, &["env".to_owned()]);
+        let by_env = axis::group(&setting.runs, &[Key::Env]);
         let sides = by_env.into_iter().map(|Group { runs, .. }| {
             let env = runs[0].spec.env;
             let others: Vec<&Run> = than.iter().copied().filter(|run| run.spec.env == env).collect();
@@ -165,7 +160,7 @@ fn rows(claim: &Claim, runs: &[Run]) -> Result<Vec<ClaimRow>, ReportError> {
     if made.is_empty() {
         made.push(Row { env: None, setting: String::new(), sides: Vec::new() });
     }
-    Ok(verdicts(claim, made))
+    verdicts(claim, made)
 }
 
 /// The rows of one claim, whose verdicts allow for each other.
@@ -223,24 +218,27 @@ fn parts(claim: &Claim, sides: &[Sides<'_>]) -> Result<Vec<Part>, String> {
 
 fn part(claim: &Claim, of: &[&Run], than: &[&Run]) -> Result<Part, String> {
     let env = of[0].spec.env.name();
-    let differing = axis::hidden_axes(than, &["env".to_owned()]);
+    let differing = axis::hidden_axes(than, &[Key::Env]);
     if !differing.is_empty() {
-        return Err(format!("the runs that they are compared with differ in {}", differing.join(", ")));
+        return Err(format!(
+            "the runs that they are compared with differ in {}",
+            differing.iter().map(Key::to_string).collect::<Vec<_>>().join(", ")
+        ));
     }
     let scale = (claim.is != Relation::Kept && claim.on == Measure::Return).then(|| reference::scale(env)).flatten();
     let enough = |runs: &[&Run]| {
         let values: Vec<f64> = runs.iter().filter_map(|run| measure::of(run, claim)).collect();
         match values.len() {
             found if found < SEEDS_FOR_VERDICT => {
-                Err(format!("{} in {env}; {SEEDS_FOR_VERDICT} are needed", notes::count(found, "seed")))
+                Err(format!("{} in {env}; {SEEDS_FOR_VERDICT} are needed", amount::count(found, "seed")))
             }
             _ => Ok(values),
         }
     };
-    let level = match claim.than.as_deref() {
-        Some(Claim::DEMONSTRATION) => demonstrated_return(of)
+    let level = match &claim.than {
+        Some(Versus::Demonstration) => demonstrated_return(of)
             .ok_or_else(|| format!("the return of the demonstration in {env} is not recorded, or not of one"))?,
-        _ => 0.0,
+        Some(Versus::Runs(_)) | None => 0.0,
     };
     Ok(Part {
         of: enough(of)?,

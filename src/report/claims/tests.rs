@@ -19,7 +19,7 @@ fn ppo(env: &str, returns: &[f64]) -> Vec<Run> {
 }
 
 fn judged(text: &str, runs: &[Vec<Run>]) -> Vec<ClaimRow> {
-    ClaimsData::new(&[claim(text)], &runs.concat()).expect("good selections").rows
+    ClaimsData::new(&[claim(text)], &runs.concat()).rows
 }
 
 fn verdict(text: &str, runs: &[Vec<Run>]) -> ClaimVerdict {

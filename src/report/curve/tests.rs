@@ -6,7 +6,7 @@ fn figure(y: &str, log_y: bool) -> Figure {
     Figure {
         y: Drawing::Of(Measure::parse(y).expect("a column")),
         series: vec!["d".into()],
-        reference: Some("table3".into()),
+        reference: Some(Reference::Table3),
         log_y,
         ..returns
     }
@@ -15,7 +15,6 @@ fn figure(y: &str, log_y: bool) -> Figure {
 fn curves(figure: &Figure, runs: &[Run]) -> CurveData {
     let runs: Vec<&Run> = runs.iter().collect();
     CurveData::new(figure, figure.y.measure().expect("curves"), &runs, &Identities::new(&runs))
-        .expect("selections that are understood")
 }
 
 fn close(left: f64, right: f64) -> bool {
@@ -175,13 +174,13 @@ fn panels_are_values_of_an_axis_or_selections_which_may_share_runs() {
     let run = |d, epsilon| fixture::mcpo("HalfCheetah-v2", d, epsilon, 0).finished(&[(10, &[1.0])]);
     let runs = [run(1.0, 0.0), run(1e-3, 0.0), run(1e-3, 1e-3)];
     let titles_and_curves = |panels| {
-        let keys = vec!["d".to_owned(), "epsilon".to_owned()];
+        let keys = vec!["d".into(), "epsilon".into()];
         let data = curves(&Figure { panels, series: keys, ..figure("return", false) }, &runs);
         let drawn = |panel: &Panel| panel.curves.iter().flatten().count();
         data.panels.iter().map(|panel| (panel.title.clone(), drawn(panel))).collect::<Vec<_>>()
     };
     let selections = Panels::Selections(vec!["epsilon=0".into(), "d=0.001".into()]);
     assert_eq!(titles_and_curves(selections), [("ε = 0".to_owned(), 2), ("d = 10⁻³".to_owned(), 2)]);
-    let axis = Panels::Axis("d".to_owned());
+    let axis = Panels::Axis("d".into());
     assert_eq!(titles_and_curves(axis), [("d = 1".to_owned(), 1), ("d = 10⁻³".to_owned(), 2)]);
 }

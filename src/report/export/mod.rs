@@ -70,7 +70,9 @@ impl Format {
 
 /// Writes what is recorded of `spec`, as far as `scope` goes, in these `formats`; gives the files.
 ///
-/// Errors: as for [`write()`](super::write()).
+/// # Errors
+///
+/// As for [`write()`](super::write()).
 pub fn export(
     spec: &ExperimentSpec,
     results: &Path,
@@ -108,8 +110,8 @@ pub fn export(
             Format::Json => {
                 for figure in &figures(spec) {
                     let Some(y) = figure.y.measure() else { continue };
-                    let runs = selected(&runs, figure.only.as_deref())?;
-                    let data = CurveData::new(figure, y, &runs, &identities(&whole))?;
+                    let runs = selected(&runs, figure.only.as_ref());
+                    let data = CurveData::new(figure, y, &runs, &identities(&whole));
                     write(&format!("{}.json", figure.name), text(&rows::figure(&data)).as_bytes())?;
                 }
             }

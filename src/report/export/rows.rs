@@ -17,7 +17,9 @@ use crate::{
 
 /// Every evaluation episode of the runs that finished, with the run's keys before it.
 ///
-/// Errors: none that the csv crate gives for a buffer in memory.
+/// # Errors
+///
+/// None that the csv crate gives for a buffer in memory.
 pub fn evaluations(runs: &[Run]) -> Result<Vec<u8>, csv::Error> {
     let axes: BTreeSet<&str> = runs.iter().flat_map(|run| run.spec.axes.keys()).map(String::as_str).collect();
     let first = ["env", "algorithm", "method", "seed"];

@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 
 use crate::{
     report::{
+        amount,
         curve::{Curve, CurveData, LeftOut},
-        notes,
         over_seeds::SEEDS_FOR_T,
     },
     spec::Band,
@@ -52,7 +52,7 @@ pub fn notes(data: &CurveData) -> Notes {
     let (fewest, most) = (drawn().min().unwrap_or(0), drawn().max().unwrap_or(0));
     let mut means = vec![seeds(data, fewest, most)];
     means.extend(
-        data.smooth.map(|steps| format!("Smoothed over {} steps, the unsmoothed mean behind.", notes::steps(steps))),
+        data.smooth.map(|steps| format!("Smoothed over {} steps, the unsmoothed mean behind.", amount::steps(steps))),
     );
     let name =
         |env: &str, series: &str| if data.series.len() > 1 { format!("{series}, {env}") } else { env.to_owned() };

@@ -39,7 +39,9 @@ const EM: f32 = 1000.0;
 impl Picture {
     /// The picture as a PDF.
     ///
-    /// Errors: none that the embedded font, which the tests check, can give.
+    /// # Errors
+    ///
+    /// None that the embedded font, which the tests check, can give.
     pub fn pdf(&self) -> io::Result<Vec<u8>> {
         let opacities: BTreeSet<u32> = self.shapes.iter().filter_map(opacity).collect();
         let opacities: BTreeMap<u32, (String, Ref)> = (0..)

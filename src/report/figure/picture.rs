@@ -152,7 +152,9 @@ fn scale(size: f32) -> PxScale {
 impl Picture {
     /// The picture as a PNG of its `dpi`, which the file says.
     ///
-    /// Errors: none that the encoder gives for a buffer in memory.
+    /// # Errors
+    ///
+    /// None that the encoder gives for a buffer in memory.
     pub fn png(&self) -> io::Result<Vec<u8>> {
         let fine = f64::from(self.dpi * SAMPLES) / INCH;
         let size =
@@ -169,7 +171,9 @@ impl Picture {
 
     /// The picture as an SVG; its text stays text.
     ///
-    /// Errors: none that plotters gives for a string in memory.
+    /// # Errors
+    ///
+    /// None that plotters gives for a string in memory.
     pub fn svg(&self) -> io::Result<String> {
         let size = self.size(SVG_UNITS);
         let mut text = String::new();

@@ -44,7 +44,9 @@ const CONTOUR: Color = [0xc4, 0xc4, 0xc4];
 
 /// The sketch, `inches` wide.
 ///
-/// Errors: the solver finds no step, which the tests rule out.
+/// # Errors
+///
+/// The solver finds no step, which the tests rule out.
 pub fn draw(inches: Option<f64>) -> Result<Picture, ReportError> {
     let sheet = Sheet::print(inches.unwrap_or(3.25));
     let [left, right, bottom, top] = WINDOW;

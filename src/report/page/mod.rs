@@ -18,9 +18,9 @@ mod tests;
 use std::path::Path;
 
 use super::{
+    amount,
     claims::ClaimsData,
     curve::CurveData,
-    notes,
     recorded::{Run, State},
     settings::SettingsData,
     statistics::StatisticsData,
@@ -144,7 +144,7 @@ fn summary(page: &Contents<'_>) -> String {
         tiles.push(tile("failures", "Failures", &failed.to_string(), &plural(failed, "run"), String::new()));
     }
     // The first line says what the first tile does, and more only where runs were left out.
-    let told = format!("{finished} of {} finished.", notes::count(page.runs.len(), "run"));
+    let told = format!("{finished} of {} finished.", amount::count(page.runs.len(), "run"));
     let lines = page.state.iter().filter(|line| **line != told);
     let lines: String = lines.map(|line| format!("<li>{}</li>\n", prose(line))).collect();
     let lines = if lines.is_empty() { lines } else { format!("<ul class=\"state\">\n{lines}</ul>\n") };

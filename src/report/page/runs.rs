@@ -13,12 +13,13 @@ use super::{
 use crate::{
     escape,
     report::{
+        amount,
         axis::{self, Group},
         curve::mean,
-        notes,
         recorded::{Run, State},
         text::alone,
     },
+    spec::Key,
 };
 
 /// The place of each run in the plan, by its id.
@@ -116,9 +117,9 @@ fn grid(runs: &[Run]) -> String {
     let seeds: BTreeSet<u64> = runs.iter().map(|run| run.spec.seed.0).collect();
     let all: Vec<&Run> = runs.iter().collect();
     let places: Places<'_> = runs.iter().enumerate().map(|(index, run)| (run.spec.id.as_str(), index)).collect();
-    let mut keys = vec!["algorithm".to_owned()];
-    keys.extend(axis::hidden_axes(&all, &["env".to_owned(), "algorithm".to_owned()]));
-    let envs = axis::group(&all, &["env".to_owned()]);
+    let mut keys = vec![Key::Algorithm];
+    keys.extend(axis::hidden_axes(&all, &[Key::Env, Key::Algorithm]));
+    let envs = axis::group(&all, &[Key::Env]);
     let body = envs.iter().map(|env| {
         let settings = axis::group(&env.runs, &keys);
         let labels = axis::labels(&keys, &settings);
@@ -170,7 +171,7 @@ fn row(home: &Path, index: usize, run: &Run) -> String {
     let detail = match (&run.state, &run.under_way) {
         (State::Missing, Some(so_far)) => {
             let whole = run.spec.budget.env_steps.get();
-            format!("{}, {} of {} steps", kind.word(), notes::steps(so_far.env_steps), notes::steps(whole))
+            format!("{}, {} of {} steps", kind.word(), amount::steps(so_far.env_steps), amount::steps(whole))
         }
         (State::Differs { changes }, _) => format!("{}: {}", kind.word(), changes.join("; ")),
         _ => kind.word().to_owned(),

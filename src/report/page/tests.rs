@@ -20,7 +20,7 @@ const MATRIX: &str = "[[matrix]]\nseed = [0, 1]\nenv = [\"Hopper-v2\"]\nalgorith
 fn page(runs: &[Run], points: Option<u64>) -> String {
     let spec = experiment(MATRIX);
     let all: Vec<&Run> = runs.iter().collect();
-    let mut data = CurveData::new(&spec.figures[0], Measure::Return, &all, &Identities::new(&all)).expect("curves");
+    let mut data = CurveData::new(&spec.figures[0], Measure::Return, &all, &Identities::new(&all));
     for curve in data.panels.iter_mut().flat_map(|panel| panel.curves.iter_mut().flatten()) {
         let (Some(points), Some(&point)) = (points, curve.points.first()) else { continue };
         curve.points = (0..points).map(|n| super::super::Point { env_steps: n as f64, ..point }).collect();

@@ -10,10 +10,11 @@ use crate::{
     escape,
     measured::Measure,
     report::{
+        amount,
         claims::{ClaimRow, ClaimVerdict, ClaimsData, Count},
         notes,
     },
-    spec::{Claim, Part, Relation},
+    spec::{Claim, Part, Relation, Versus},
 };
 
 const TITLE: &str = "Claims";
@@ -51,9 +52,10 @@ pub fn compared(claim: &Claim) -> String {
         (margin, _) => format!(", margin {}", number(Some(margin))),
     };
     let (of, on) = (&claim.of, &claim.on);
-    let than = match claim.than.as_deref() {
-        Some(Claim::DEMONSTRATION) => "the demonstration",
-        than => than.unwrap_or_default(),
+    let than = match &claim.than {
+        Some(Versus::Demonstration) => "the demonstration".to_owned(),
+        Some(Versus::Runs(selection)) => selection.to_string(),
+        None => String::new(),
     };
     match claim.is {
         Relation::Kept => {
@@ -85,7 +87,7 @@ pub fn overall(rows: &[ClaimRow]) -> String {
 
 /// Where a row is judged.
 pub fn place(row: &ClaimRow) -> String {
-    let env = row.env.clone().unwrap_or_else(|| notes::count(row.environments, "environment"));
+    let env = row.env.clone().unwrap_or_else(|| amount::count(row.environments, "environment"));
     if row.setting.is_empty() { env } else { format!("{env}, {}", row.setting) }
 }
 
@@ -130,7 +132,9 @@ fn p(p: f64) -> String {
 
 /// The rows, with every number in full.
 ///
-/// Errors: none that the csv crate gives for a buffer in memory.
+/// # Errors
+///
+/// None that the csv crate gives for a buffer in memory.
 pub fn csv(data: &ClaimsData) -> Result<Vec<u8>, csv::Error> {
     let headers = [
         "claim",
@@ -164,9 +168,9 @@ pub fn csv(data: &ClaimsData) -> Result<Vec<u8>, csv::Error> {
         let whole = |count: Option<usize>| count.map_or(String::new(), |count| count.to_string());
         vec![
             escape::csv(&claim.name),
-            escape::csv(&claim.of),
+            escape::csv(&claim.of.to_string()),
             is.to_owned(),
-            escape::csv(claim.than.as_deref().unwrap_or_default()),
+            escape::csv(&claim.than.as_ref().map(Versus::to_string).unwrap_or_default()),
             claim.on.name().to_owned(),
             row.env.clone().unwrap_or_default(),
             escape::csv(&row.setting),
@@ -210,7 +214,7 @@ mod tests {
             (0..).zip(mcpo).map(run).chain((0..).zip(ppo).map(other)).collect()
         };
         let runs = [of("Hopper-v2", [ours, theirs]), of("Ant-v2", [theirs, ours])].concat();
-        ClaimsData::new(&claims, &runs).expect("good selections")
+        ClaimsData::new(&claims, &runs)
     }
 
     #[test]

@@ -6,11 +6,13 @@ use super::super::{
     table::TableData,
     verdict::Comparison,
 };
-use crate::{escape, measured::progress};
+use crate::{escape, measured::progress, spec::Key};
 
 /// The cells of a table, one row each: the keys as the file names them, then the numbers.
 ///
-/// Errors: none that the csv crate gives for a buffer in memory.
+/// # Errors
+///
+/// None that the csv crate gives for a buffer in memory.
 pub fn csv(data: &TableData) -> Result<Vec<u8>, csv::Error> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     let numbers = [
@@ -35,7 +37,9 @@ pub fn csv(data: &TableData) -> Result<Vec<u8>, csv::Error> {
         "demo",
         "paper_demo",
     ];
-    writer.write_record(data.row_keys.iter().chain(&data.column_keys).map(String::as_str).chain(numbers))?;
+    writer.write_record(
+        data.row_keys.iter().chain(&data.column_keys).map(Key::to_string).chain(numbers.map(str::to_owned)),
+    )?;
     for row in &data.rows {
         for (column, cell) in data.columns.iter().zip(&row.cells) {
             let Some(cell) = cell else { continue };
@@ -73,11 +77,13 @@ pub fn csv(data: &TableData) -> Result<Vec<u8>, csv::Error> {
 
 /// The seeds of a table's cells, one row each: the keys, then the seed and its value.
 ///
-/// Errors: none that the csv crate gives for a buffer in memory.
+/// # Errors
+///
+/// None that the csv crate gives for a buffer in memory.
 pub fn seeds_csv(data: &TableData) -> Result<Vec<u8>, csv::Error> {
     let mut writer = csv::Writer::from_writer(Vec::new());
-    let keys = data.row_keys.iter().chain(&data.column_keys).map(String::as_str);
-    writer.write_record(keys.chain(["seed", "mean_return"]))?;
+    let keys = data.row_keys.iter().chain(&data.column_keys).map(Key::to_string);
+    writer.write_record(keys.chain(["seed", "mean_return"].map(str::to_owned)))?;
     for row in &data.rows {
         for (column, cell) in data.columns.iter().zip(&row.cells) {
             for (seed, mean) in cell.iter().flat_map(|cell| &cell.values) {
@@ -91,13 +97,18 @@ pub fn seeds_csv(data: &TableData) -> Result<Vec<u8>, csv::Error> {
 
 /// The points of a figure, one row each.
 ///
-/// Errors: none that the csv crate gives for a buffer in memory.
+/// # Errors
+///
+/// None that the csv crate gives for a buffer in memory.
 pub fn curves_csv(data: &CurveData) -> Result<Vec<u8>, csv::Error> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     let x = if data.across == Across::Steps { progress::ENV_STEPS.name } else { "normalised_return" };
     let numbers = [x, "mean", "low", "high", "seeds", "planned_seeds"];
     writer.write_record(
-        [data.panel_key.as_str()].into_iter().chain(data.keys.iter().map(String::as_str)).chain(numbers),
+        [data.panel_key.clone()]
+            .into_iter()
+            .chain(data.keys.iter().map(Key::to_string))
+            .chain(numbers.map(str::to_owned)),
     )?;
     for panel in &data.panels {
         for (Label { values, .. }, curve) in data.series.iter().zip(&panel.curves) {
@@ -170,7 +181,7 @@ mod tests {
 
         let figure = Figure { series: vec!["d".into()], ..Figure::returns("f", "F".into()) };
         let runs: Vec<&Run> = runs.iter().collect();
-        let data = CurveData::new(&figure, Measure::Return, &runs, &Identities::default()).expect("no selection");
+        let data = CurveData::new(&figure, Measure::Return, &runs, &Identities::default());
         let text = String::from_utf8(curves_csv(&data).expect("written")).expect("text");
         let expected = "env,d,epsilon,env_steps,mean,low,high,seeds,planned_seeds\n\
                         Hopper-v2,0.001,0,100,-0.5,,,1,1\n\

@@ -15,13 +15,8 @@ mod tex;
 pub use csv::{csv, curves_csv, number, seeds_csv, value, written};
 pub use terminal::terminal;
 
-use super::{
-    axis, notes,
-    reference::PaperValue,
-    table::{Cell, TableData},
-    verdict::Comparison,
-};
-use crate::escape;
+use super::{amount, axis, cell::Cell, reference::PaperValue, table::TableData, verdict::Comparison};
+use crate::{escape, spec::Key};
 pub use digits::alone;
 use digits::{between, plus_minus};
 
@@ -60,7 +55,7 @@ pub fn markdown(data: &TableData) -> String {
 /// The table for LaTeX: bare, and as a float called `name`. Where it is compared with the paper, environments are called as there.
 pub fn latex(name: &str, data: &TableData) -> [String; 2] {
     let mut grid = compact(data);
-    if let Some(column) = data.row_keys.iter().position(|key| key == "env").filter(|_| compares(data)) {
+    if let Some(column) = data.row_keys.iter().position(|key| *key == Key::Env).filter(|_| compares(data)) {
         grid.rows.iter_mut().for_each(|row| row[column] = axis::paper_name(&row[column]).to_owned());
     }
     let notes: Vec<String> = seeds(data).into_iter().chain(data.notes.iter().cloned()).collect();
@@ -77,7 +72,7 @@ fn seeds(data: &TableData) -> Option<String> {
     let seeds = || data.rows.iter().flat_map(|row| row.cells.iter().flatten()).map(|cell| cell.seeds);
     match (seeds().min()?, seeds().max()?) {
         (fewest, most) if fewest < most => Some(format!("n = {fewest} to {most} seeds a cell.")),
-        (_, most) => Some(format!("n = {} a cell.", notes::count(most, "seed"))),
+        (_, most) => Some(format!("n = {} a cell.", amount::count(most, "seed"))),
     }
 }
 
@@ -93,7 +88,7 @@ fn compact(data: &TableData) -> Grid {
 
 /// What the rows are told apart by, in words.
 fn row_headers(data: &TableData) -> Vec<String> {
-    data.row_keys.iter().map(|key| axis::key_label(key)).collect()
+    data.row_keys.iter().map(axis::key_label).collect()
 }
 
 /// Rows by columns; below each row of ours, the paper's.
@@ -144,7 +139,7 @@ fn list(data: &TableData, each_seed: bool) -> Grid {
     let expects = has(|cell| cell.seeds > PaperValue::SEEDS && cell.comparison.is_some());
     let mut headers = row_headers(data);
     if several {
-        headers.extend(data.column_keys.first().map(|key| axis::key_label(key)));
+        headers.extend(data.column_keys.first().map(axis::key_label));
     }
     let names = headers.len();
     let asked = [
@@ -206,9 +201,9 @@ fn paper_value(cell: Option<&Cell>) -> String {
 /// `4 of 5 seeds`, or `5 seeds` where none is lacking.
 fn of(cell: &Cell) -> String {
     if cell.seeds < cell.planned {
-        format!("{} of {}", cell.seeds, notes::count(cell.planned, "seed"))
+        format!("{} of {}", cell.seeds, amount::count(cell.planned, "seed"))
     } else {
-        notes::count(cell.seeds, "seed")
+        amount::count(cell.seeds, "seed")
     }
 }
 

@@ -17,7 +17,9 @@ pub fn latex(name: &str, data: &SettingsData) -> [String; 2] {
 
 /// The table as CSV, as it is shown.
 ///
-/// Errors: none that the csv crate gives for a buffer in memory.
+/// # Errors
+///
+/// None that the csv crate gives for a buffer in memory.
 pub fn csv(data: &SettingsData) -> Result<Vec<u8>, csv::Error> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     for line in [&data.headers].into_iter().chain(&data.rows) {

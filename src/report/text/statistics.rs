@@ -8,6 +8,7 @@ use super::{
 use crate::{
     escape,
     report::statistics::{Method, StatisticsData},
+    spec::Key,
     stats::Estimate,
 };
 
@@ -66,12 +67,14 @@ fn two(value: f64) -> String {
 
 /// The table with every number in full.
 ///
-/// Errors: none that the csv crate gives for a buffer in memory.
+/// # Errors
+///
+/// None that the csv crate gives for a buffer in memory.
 pub fn csv(data: &StatisticsData) -> Result<Vec<u8>, csv::Error> {
     let names = ["iqm", "median", "mean", "optimality_gap", "base_above"];
     let ends = names.iter().flat_map(|name| ["", "_low", "_high"].map(|end| format!("{name}{end}")));
     let others = ["area", "half_of_budget", "environments", "runs"].map(str::to_owned);
-    let headers: Vec<String> = data.keys.iter().cloned().chain(ends).chain(others).collect();
+    let headers: Vec<String> = data.keys.iter().map(Key::to_string).chain(ends).chain(others).collect();
     let row = |method: &Method| {
         let of = &method.aggregates;
         let all = [Some(of.iqm), Some(of.median), Some(of.mean), Some(of.optimality_gap), method.below_base];

@@ -49,7 +49,9 @@ impl Asked {
 
     /// Adds it to those of the submission in `folder`.
     ///
-    /// Errors: the disk refuses.
+    /// # Errors
+    ///
+    /// The disk refuses.
     pub fn add(&self, folder: &Path) -> Result<(), RecordError> {
         let path = Self::path(folder);
         let mut line = serde_json::to_vec(self).map_err(|error| io_error("write", &path)(error.into()))?;
@@ -62,7 +64,9 @@ impl Asked {
     /// All that was asked for the submission in `folder`, in order. A line that was cut off by a crash counts as none: its
     /// elements are sent again, and find what the first ones did.
     ///
-    /// Errors: the system refuses.
+    /// # Errors
+    ///
+    /// The system refuses.
     pub fn read(folder: &Path) -> Result<Vec<Self>, RecordError> {
         let bytes = read_bounded(&Self::path(folder), LIMIT)?.unwrap_or_default();
         Ok(bytes.split(|&byte| byte == b'\n').filter_map(|line| serde_json::from_slice(line).ok()).collect())

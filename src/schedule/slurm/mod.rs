@@ -56,7 +56,9 @@ fn call<S: AsRef<OsStr>>(program: &'static str, arguments: &[S]) -> Result<Strin
 
 /// Submits a script, and gives the number of its job.
 ///
-/// Errors: Slurm is not there, or refuses.
+/// # Errors
+///
+/// Slurm is not there, or refuses.
 pub fn sbatch(arguments: &[OsString]) -> Result<String, SlurmError> {
     let said = call("sbatch", arguments)?;
     // JOB or JOB;CLUSTER
@@ -71,7 +73,9 @@ pub fn sbatch(arguments: &[OsString]) -> Result<String, SlurmError> {
 
 /// Cancels jobs, or elements of them (`12_3`).
 ///
-/// Errors: Slurm is not there, or refuses.
+/// # Errors
+///
+/// Slurm is not there, or refuses.
 pub fn scancel(jobs: &[String]) -> Result<(), SlurmError> {
     // A command line holds only so much.
     jobs.chunks(1000).try_for_each(|jobs| call("scancel", jobs).map(drop))
@@ -79,7 +83,9 @@ pub fn scancel(jobs: &[String]) -> Result<(), SlurmError> {
 
 /// Lets an element of a job be started again from its beginning.
 ///
-/// Errors: Slurm is not there, or refuses.
+/// # Errors
+///
+/// Slurm is not there, or refuses.
 pub fn requeue(element: &str) -> Result<(), SlurmError> {
     call("scontrol", &["requeue", element]).map(drop)
 }

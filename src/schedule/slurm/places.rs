@@ -65,7 +65,9 @@ impl Place {
 /// The places of those of `runs`, all of one `experiment`, that were submitted, by their ids; each in the last submission that
 /// holds it as it is planned now.
 ///
-/// Errors: a submission cannot be read, or Slurm does not answer.
+/// # Errors
+///
+/// A submission cannot be read, or Slurm does not answer.
 pub fn places(results: &Path, experiment: &str, runs: &[&Planned]) -> Result<HashMap<String, Place>, PlacesError> {
     let wanted: HashMap<&str, &str> =
         runs.iter().map(|run| (run.spec.id.as_str(), run.stamp.fingerprint.as_str())).collect();

@@ -9,7 +9,9 @@ use crate::record::{Executable, RecordError, io_error};
 
 /// This program's copy under `results`, where all nodes see it, made if need be. Submissions of one program share it.
 ///
-/// Errors: the disk refuses.
+/// # Errors
+///
+/// The disk refuses.
 pub fn frozen(results: &Path) -> Result<PathBuf, RecordError> {
     let folder = results.join(".programs");
     fs::create_dir_all(&folder).map_err(io_error("create", &folder))?;

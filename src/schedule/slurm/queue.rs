@@ -59,7 +59,9 @@ impl Row {
 /// What Slurm still knows of `jobs`, by job and index in its array. Ended ones are forgotten by its controller after some minutes;
 /// its accounting, where there is one, knows them longer.
 ///
-/// Errors: Slurm is not there, or does not answer.
+/// # Errors
+///
+/// Slurm is not there, or does not answer.
 pub fn rows(jobs: &[String]) -> Result<HashMap<(String, usize), Row>, SlurmError> {
     let mut rows = HashMap::new();
     for jobs in jobs.chunks(500) {

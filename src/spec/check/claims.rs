@@ -7,7 +7,7 @@ use toml::de::DeTable;
 use super::{Checker, Value};
 use crate::{
     measured::Measure,
-    spec::{Claim, Selection, catalog::Catalog},
+    spec::{catalog::Catalog, claim::Versus},
 };
 
 /// Keys that mean nothing for a constraint that is kept, with what they are about.
@@ -23,17 +23,8 @@ impl Checker<'_> {
 
     /// A value of a claim that has the right type.
     fn of_claim(&mut self, key: &str, value: &Value<'_>) {
-        match (key, value.get_ref().as_str()) {
-            ("than", Some(Claim::DEMONSTRATION)) => {}
-            ("of" | "than" | "only", Some(selection)) => {
-                if let Err(error) = Selection::parse(selection) {
-                    self.wrong(value.span(), error.to_string(), None);
-                }
-            }
-            ("margin", _) if number(value).is_some_and(|margin| !margin.is_finite()) => {
-                self.wrong(value.span(), "`margin` is not a finite number", None);
-            }
-            _ => {}
+        if key == "margin" && number(value).is_some_and(|margin| !margin.is_finite()) {
+            self.wrong(value.span(), "`margin` is not a finite number", None);
         }
     }
 
@@ -64,7 +55,7 @@ impl Checker<'_> {
             self.note(place("margin"), "`like` needs a `margin`", Some(label));
         }
         let on = text("on").unwrap_or(Measure::RETURN);
-        if text("than") == Some(Claim::DEMONSTRATION) && on != Measure::RETURN {
+        if text("than") == Some(Versus::DEMONSTRATION) && on != Measure::RETURN {
             self.note(place("than"), format!("a demonstration has a return, but no `{on}`"), None);
         }
     }

@@ -1,8 +1,8 @@
-//! The check of one layer, key by key: what each value is alone. How they go together is `cross`'s.
+//! The check of one layer, key by key: what each value is alone. How they go together is `combinations`'s.
 
 mod claims;
 mod matrix;
-mod shown;
+mod report;
 
 use std::{borrow::Cow, ops::Range};
 
@@ -15,7 +15,7 @@ use super::{
     Algorithm, Parameter,
     catalog::{Catalog, Section},
     error::SpecError,
-    names::{date_in_words, nearest_label},
+    names::{date_in_words, nearest, nearest_label},
     robots::{Robots, is_robots_alone},
     source::{AxisList, Layer, Source, Step, plain_value},
 };
@@ -111,7 +111,12 @@ impl<'a> Checker<'a> {
     /// Something is wrong, though what is being checked can stay.
     fn note(&mut self, span: Range<usize>, message: impl Into<String>, label: Option<String>) {
         let place = self.layer.place(span);
-        self.errors.push(SpecError { message: message.into(), place, label, help: None });
+        let key = |step: &Step| match step {
+            Step::Key(key) => Some(key.clone()),
+            Step::Index(_) => None,
+        };
+        let about = self.way.iter().filter_map(key).collect();
+        self.errors.push(SpecError { message: message.into(), place, label, help: None, about });
     }
 
     fn wrong_type(&mut self, value: &Value<'_>, what: &str, expected: &str) {
@@ -123,6 +128,13 @@ impl<'a> Checker<'a> {
     fn hint(&self, known: impl FnOnce() -> Option<String>) -> Option<String> {
         const MOST: usize = 100;
         (self.errors.len() < MOST).then(known).flatten()
+    }
+
+    /// The mistake just told is about `key`, which was probably meant.
+    fn meant(&mut self, key: Option<String>) {
+        if let Some(error) = self.errors.last_mut() {
+            error.about.extend(key);
+        }
     }
 
     fn within(&mut self, step: Step, check: impl FnOnce(&mut Self)) {
@@ -158,15 +170,17 @@ impl<'a> Checker<'a> {
                 "slurm" => this.section(&Catalog::get().slurm, &[key], value),
                 _ if settings.schema(&[key]).is_some() => this.section(settings, &[key], value),
                 _ => {
-                    let known = ROOT_KEYS.into_iter().chain(settings.keys(&[]).into_iter().flatten());
+                    let known = || ROOT_KEYS.into_iter().chain(settings.keys(&[]).into_iter().flatten());
+                    let meant = this.hint(|| nearest(key, known()).map(str::to_owned));
                     let label = this.hint(|| match Parameter::find(key) {
                         Some(Parameter::Shared(_)) => Some(
                             "a hyperparameter: it belongs under `[algorithms.NAME]` or in a block of the matrix".into(),
                         ),
                         _ if Catalog::get().algorithm(key).is_some() => Some(format!("write `algorithms.{key}`")),
-                        _ => nearest_label("key", key, known),
+                        _ => nearest_label("key", key, known()),
                     });
                     this.wrong(span, format!("unknown key `{key}`"), label);
+                    this.meant(meant);
                 }
             });
         }
@@ -240,8 +254,10 @@ impl<'a> Checker<'a> {
         whose: &str,
         known: impl Iterator<Item = &'k str> + Clone,
     ) {
+        let meant = self.hint(|| nearest(key.get_ref(), known.clone()).map(str::to_owned));
         let label = self.hint(|| nearest_label("key", key.get_ref(), known));
         self.wrong(key.span(), format!("unknown key `{}`{whose}", key.get_ref()), label);
+        self.meant(meant);
     }
 
     /// `[algorithms]`, of the file or of an environment.

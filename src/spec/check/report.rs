@@ -2,10 +2,13 @@
 
 use std::collections::HashSet;
 
-use toml::de::DeTable;
+use toml::{
+    Spanned,
+    de::{DeArray, DeTable, DeValue},
+};
 
-use super::{BLOCK_KEYS, Checker, Value};
-use crate::spec::{Parameter, Selection, catalog::Section, figure, names::nearest_label};
+use super::{Checker, Value};
+use crate::spec::{catalog::Section, source::Step};
 
 impl Checker<'_> {
     /// `[[figures]]` or `[[tables]]`.
@@ -34,7 +37,7 @@ impl Checker<'_> {
                         return this.unknown_key(key, &format!(" of a {what}"), known.into_iter());
                     }
                     let before = this.errors.len();
-                    this.section(section, &[text], value);
+                    this.each(section, text, value);
                     if this.errors.len() == before {
                         check(this, text, value);
                     }
@@ -79,46 +82,23 @@ impl Checker<'_> {
 
     /// A value of a figure or table that has the right type.
     fn shown(&mut self, key: &str, value: &Value<'_>) {
-        let one = value.get_ref().as_str();
-        let many = value.get_ref().as_array().into_iter().flatten();
-        match key {
-            "name" => self.name(value),
-            "series" | "rows" => many.for_each(|element| self.dimension(element)),
-            "columns" => self.dimension(value),
-            "show" => {
-                let names = Parameter::names();
-                let known: Vec<&str> =
-                    figure::OF_ENVIRONMENTS.into_iter().chain(names.iter().map(String::as_str)).collect();
-                many.for_each(|element| self.known("parameter", element, &known));
+        if key == "name" {
+            self.name(value);
+        }
+    }
+
+    /// The value at `key` of `section`; of a list each element by itself, so that each mistake is found.
+    fn each(&mut self, section: &Section, key: &str, value: &Value<'_>) {
+        match value.get_ref().as_array() {
+            Some(elements) if elements.len() > 1 => {
+                for (index, element) in elements.iter().enumerate() {
+                    let mut alone = DeArray::new();
+                    alone.push(element.clone());
+                    let alone = Spanned::new(element.span(), DeValue::Array(alone));
+                    self.within(Step::Index(index), |this| this.section(section, &[key], &alone));
+                }
             }
-            "panels" if one.is_some() => self.dimension(value),
-            "panels" => many.for_each(|element| self.selection(element)),
-            "reference" => self.known("reference", value, &figure::REFERENCES),
-            "only" => self.selection(value),
-            _ => {}
-        }
-    }
-
-    fn selection(&mut self, value: &Value<'_>) {
-        if let Some(Err(error)) = value.get_ref().as_str().map(Selection::parse) {
-            self.wrong(value.span(), error.to_string(), None);
-        }
-    }
-
-    /// What runs can be told apart by.
-    fn dimension(&mut self, value: &Value<'_>) {
-        let names = Parameter::names();
-        let known: Vec<&str> = BLOCK_KEYS.into_iter().chain(names.iter().map(String::as_str)).collect();
-        self.known("axis", value, &known);
-    }
-
-    pub(super) fn known(&mut self, what: &str, value: &Value<'_>, known: &[&str]) {
-        if let Some(name) = value.get_ref().as_str().filter(|name| !known.contains(name)) {
-            self.wrong(
-                value.span(),
-                format!("unknown {what} `{name}`"),
-                nearest_label(what, name, known.iter().copied()),
-            );
+            _ => self.section(section, &[key], value),
         }
     }
 }

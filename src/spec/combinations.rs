@@ -3,7 +3,7 @@
 use std::{mem, path::PathBuf};
 
 use super::{
-    Algorithm, Block, ExperimentSpec, Parameter, ResolveError, Settings,
+    Algorithm, Axis, Block, ExperimentSpec, Parameter, ResolveError, Settings,
     error::{Place, SpecError},
     source::{AxisList, Source, Step, steps},
 };
@@ -73,12 +73,8 @@ impl Draft<'_> {
                     }
                     Err(error @ ResolveError::NoBudget { .. }) => {
                         // A budget that is written but wrong, or under another name, has its own message.
-                        let speaks = |text: &String| text.contains("budget") || text.contains("env_steps");
-                        if !self
-                            .known
-                            .iter()
-                            .any(|known| speaks(&known.message) || known.label.as_ref().is_some_and(speaks))
-                        {
+                        let is_of_budget = |key: &String| ["budget", "env_steps"].contains(&key.as_str());
+                        if !self.known.iter().any(|known| known.about.iter().any(is_of_budget)) {
                             let mut error = self.at_start(error.to_string());
                             error.label = Some("write `[budget]` and, under it, `env_steps = ...`".into());
                             add(&mut findings.errors, error);
@@ -104,11 +100,11 @@ impl Draft<'_> {
     /// Arguments and variables that set what every block varies: the axis would win in silence.
     fn hidden_arguments(&self) -> Vec<SpecError> {
         let Some((first, others)) = self.spec.matrix.split_first() else { return Vec::new() };
-        let has = |block: &Block, axis: &str| block.axes.iter().any(|(key, _)| key == axis);
+        let has = |block: &Block, parameter: &Parameter| block.axes.iter().any(|axis| axis.parameter == *parameter);
         let mut errors = Vec::new();
-        for (axis, _) in first.axes.iter().filter(|(axis, _)| others.iter().all(|block| has(block, axis))) {
-            let Some(parameter) = Parameter::find(axis) else { continue };
-            let ways: Vec<Vec<Step>> = match &parameter {
+        let everywhere = |axis: &&Axis| others.iter().all(|block| has(block, &axis.parameter));
+        for Axis { parameter, .. } in first.axes.iter().filter(everywhere) {
+            let ways: Vec<Vec<Step>> = match parameter {
                 Parameter::Setting(key) => vec![steps(key)],
                 _ => Algorithm::names()
                     .filter_map(|name| {
@@ -119,10 +115,11 @@ impl Draft<'_> {
             let arguments = self.sources.iter().filter(|source| source.layer.path.is_none());
             for source in arguments.filter(|source| ways.iter().any(|way| source.span(way).is_some())) {
                 errors.push(SpecError {
-                    message: format!("`{axis}` is an axis of the matrix, whose values win"),
+                    message: format!("`{parameter}` is an axis of the matrix, whose values win"),
                     place: source.layer.place(0..0),
-                    label: Some(format!("`--axis {axis}=...` replaces its list")),
+                    label: Some(format!("`--axis {parameter}=...` replaces its list")),
                     help: None,
+                    about: Vec::new(),
                 });
             }
         }
@@ -135,7 +132,7 @@ impl Draft<'_> {
             Some(file) => file.layer.place(0..0),
             None => Place::Layer("the specification".into()),
         };
-        SpecError { message, place, label: None, help: None }
+        SpecError { message, place, label: None, help: None, about: Vec::new() }
     }
 
     fn at_matrix(&self, message: String) -> SpecError {
@@ -154,8 +151,8 @@ impl Draft<'_> {
             None => self.place(&[Step::Key("matrix".into()), Step::Index(index), Step::Key(key.into())]),
         };
         let written = |parameter: &Parameter| {
-            let same = |key: &str| Parameter::find(key).is_some_and(|axis| axis.is(parameter, algorithm));
-            let axis = block.axes.iter().find(|(key, _)| same(key)).and_then(|(key, _)| in_block(key));
+            let mut axes = block.axes.iter().map(|axis| &axis.parameter);
+            let axis = axes.find(|axis| axis.is(parameter, algorithm)).and_then(|axis| in_block(&axis.to_string()));
             axis.or_else(|| {
                 let way = match (parameter, parameter.hyperparameter_of(algorithm)) {
                     (Parameter::Setting(key), _) => steps(key),
@@ -170,7 +167,8 @@ impl Draft<'_> {
         };
         let place = conflict.parameters.iter().find_map(written).or_else(|| in_block("env"));
         let place = place.unwrap_or_else(|| self.at_start(String::new()).place);
-        SpecError { message: conflict.message, place, label: conflict.label, help: conflict.help }
+        let Conflict { message, label, help, .. } = conflict;
+        SpecError { message, place, label, help, about: Vec::new() }
     }
 }
 

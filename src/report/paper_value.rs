@@ -1,9 +1,9 @@
 //! Which of the paper's values runs can be compared with.
 //!
-//! Owns that rule. Knows nothing of intervals or verdicts. Start at [`Counterpart::of`].
+//! Owns that rule. Knows nothing of intervals or verdicts. Start at [`PaperSide::of`].
 //!
 //! The paper's value belongs to the paper's setting, and that is the default of every parameter, as far as we know it: the
-//! paper's tables, and our readings where it is silent (`experiments/method.md`). So runs have a counterpart where every
+//! paper's tables, and our readings where it is silent (`experiments/method.md`). So runs have the paper's value beside them where every
 //! parameter that decides what is learned is at its default: the algorithm's hyperparameters, the reward, the time limit, the
 //! networks and the rollouts. How long a run is does not count here, since verdicts see to that; nor do evaluations,
 //! checkpoints, or the demonstration, which is never the paper's. In the ablation, d and epsilon are Table 5's.
@@ -17,15 +17,15 @@ use super::{
 
 /// What the paper has beside runs that differ in their seeds.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Counterpart {
+pub struct PaperSide {
     /// Its value.
     pub value: Option<PaperValue>,
     /// The parameters that are not the paper's, where it has a value for the algorithm: then there is none for these runs.
     pub departures: BTreeSet<String>,
 }
 
-impl Counterpart {
-    /// The counterpart of `runs`.
+impl PaperSide {
+    /// The paper's side of `runs`.
     ///
     /// Where `ablation` is asked for, MCPO's in Table 5's environment is Table 5's value for its d and epsilon: the paper's
     /// tables disagree about the one setting that both have. Else it is that of Tables 3 and 4.
@@ -53,7 +53,7 @@ mod tests {
     use crate::{env::EnvId, report::fixture};
 
     fn value(run: &Run, ablation: bool) -> Option<f64> {
-        Counterpart::of(&[run], ablation).value.map(|value| value.mean)
+        PaperSide::of(&[run], ablation).value.map(|value| value.mean)
     }
 
     #[test]
@@ -70,12 +70,12 @@ mod tests {
             ("\"evaluation.episodes\" = [7]", &[]),
         ] {
             let (run, other) = (mmd_il(more), mmd_il(""));
-            let counterpart = Counterpart::of(&[&other, &run], false);
-            assert_eq!(counterpart.departures.iter().collect::<Vec<_>>(), departures, "{more}");
-            assert_eq!(counterpart.value.is_some(), departures.is_empty(), "{more}");
+            let side = PaperSide::of(&[&other, &run], false);
+            assert_eq!(side.departures.iter().collect::<Vec<_>>(), departures, "{more}");
+            assert_eq!(side.value.is_some(), departures.is_empty(), "{more}");
         }
         let trpo = fixture::run("trpo", "env = [\"Hopper-v2\"]\nseed = [0]\nmax_kl = [0.1]");
-        assert_eq!(Counterpart::of(&[&trpo], false), Counterpart::default(), "the paper has no TRPO");
+        assert_eq!(PaperSide::of(&[&trpo], false), PaperSide::default(), "the paper has no TRPO");
     }
 
     #[test]
@@ -95,7 +95,7 @@ mod tests {
         assert_eq!(value(&fixture::mcpo("HalfCheetah-v2", 1e-2, 0.0, 0), true), None, "Table 5 has no such row");
         assert_eq!(value(&fixture::mcpo("HalfCheetah-v2", 1.0, 0.0, 0), false), None);
         let axes = "env = [\"HalfCheetah-v2\"]\nseed = [0]\nd = [1.0]\nepsilon = [0.0]\nmax_kl = [0.1]";
-        let counterpart = Counterpart::of(&[&fixture::run("mcpo", axes)], true);
-        assert_eq!((counterpart.value, counterpart.departures), (None, ["mcpo.max_kl".to_owned()].into()));
+        let side = PaperSide::of(&[&fixture::run("mcpo", axes)], true);
+        assert_eq!((side.value, side.departures), (None, ["mcpo.max_kl".to_owned()].into()));
     }
 }

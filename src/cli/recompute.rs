@@ -24,7 +24,9 @@ const HANG_TIMEOUT: Duration = Duration::from_secs(600);
 
 /// Computes those of `planned` that `results` does not hold.
 ///
-/// Errors: whatever stands in the way of starting.
+/// # Errors
+///
+/// Whatever stands in the way of starting.
 pub fn compute(planned: &[Planned], results: &Path, jobs: Option<u16>, quiet: bool) -> anyhow::Result<Summary> {
     let stop = StopRequest::on_signals().context("cannot listen for signals")?;
     let states = preflight::prepare(planned, results, false)?;

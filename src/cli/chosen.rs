@@ -16,7 +16,7 @@ use crate::{
 
 /// Which experiments, and what of them.
 #[derive(Debug, clap::Args)]
-pub struct Selected {
+pub struct Chosen {
     /// Matrix files, or folders of them
     #[arg(required = true, value_name = "PATH")]
     pub paths: Vec<PathBuf>,
@@ -53,10 +53,12 @@ impl fmt::Display for InvalidFiles {
 
 impl std::error::Error for InvalidFiles {}
 
-impl Selected {
+impl Chosen {
     /// Reads the files.
     ///
-    /// Errors: everything that is wrong in any of them, or two of them share a name.
+    /// # Errors
+    ///
+    /// Everything that is wrong in any of them, or two of them share a name.
     pub fn load(&self) -> anyhow::Result<Vec<ExperimentSpec>> {
         Ok(self.load_files()?.into_iter().map(|(_, spec)| spec).collect())
     }
@@ -83,7 +85,9 @@ impl Selected {
 
     /// The runs of `specs` that are meant.
     ///
-    /// Errors: the selection cannot be understood, or means none.
+    /// # Errors
+    ///
+    /// The selection cannot be understood, or means none.
     pub fn runs(&self, specs: &[ExperimentSpec]) -> anyhow::Result<Vec<RunSpec>> {
         let selection = (!self.only.is_empty()).then(|| Selection::parse(&self.only.join(","))).transpose();
         let selection = selection.context("--only")?;
@@ -103,7 +107,9 @@ impl Selected {
 
     /// The same with places and fingerprints, for which the demonstrations must be there.
     ///
-    /// Errors: also everything that is wrong with demonstrations.
+    /// # Errors
+    ///
+    /// Also everything that is wrong with demonstrations.
     pub fn planned(&self, specs: &[ExperimentSpec]) -> anyhow::Result<Vec<Planned>> {
         let runs = self.runs(specs)?;
         let needed: Vec<&Path> = runs.iter().filter_map(|run| run.demonstration.as_deref()).collect();
@@ -174,8 +180,8 @@ fn nearest_command(word: &Path) -> String {
 mod tests {
     use super::*;
 
-    fn selected(paths: &[&Path]) -> Selected {
-        Selected {
+    fn chosen(paths: &[&Path]) -> Chosen {
+        Chosen {
             paths: paths.iter().map(|path| path.to_path_buf()).collect(),
             set: Vec::new(),
             axis: Vec::new(),
@@ -186,23 +192,23 @@ mod tests {
 
     #[test]
     fn a_mistyped_command_is_recognised() {
-        let message = selected(&[Path::new("statsu")]).files().expect_err("no such file").to_string();
+        let message = chosen(&[Path::new("statsu")]).files().expect_err("no such file").to_string();
         assert!(message.ends_with("did you mean `status`?"), "{message}");
-        let message = selected(&[Path::new("plan")]).files().expect_err("no such file").to_string();
+        let message = chosen(&[Path::new("plan")]).files().expect_err("no such file").to_string();
         assert!(message.ends_with("the command `plan` must come first: `mcpo-run plan ...`"), "{message}");
-        let message = selected(&[Path::new("zzzzzzzzzz")]).files().expect_err("no such file").to_string();
+        let message = chosen(&[Path::new("zzzzzzzzzz")]).files().expect_err("no such file").to_string();
         assert!(!message.contains("did you mean"), "{message}");
     }
 
     #[test]
     fn a_folder_means_its_matrix_files_by_name() {
         let folder = tempfile::tempdir().expect("a folder");
-        assert!(selected(&[folder.path()]).files().is_err(), "an empty folder");
+        assert!(chosen(&[folder.path()]).files().is_err(), "an empty folder");
         for name in ["b.toml", "a.toml", "README.md"] {
             fs::write(folder.path().join(name), "").expect("written");
         }
         fs::create_dir(folder.path().join("c.toml")).expect("made");
-        let files = selected(&[folder.path()]).files().expect("readable");
+        let files = chosen(&[folder.path()]).files().expect("readable");
         assert_eq!(files, [folder.path().join("a.toml"), folder.path().join("b.toml")]);
     }
 }

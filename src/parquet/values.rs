@@ -1,0 +1,158 @@
+//! A column's values as they are decoded, and how much of a file may be.
+
+use std::sync::Arc;
+
+use super::{footer::Physical, thrift::Reader};
+
+/// What a text takes beside its bytes.
+const ENTRY: usize = 32;
+
+/// A column's values, one after another.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Values {
+    Bool(Vec<bool>),
+    I32(Vec<i32>),
+    I64(Vec<i64>),
+    F32(Vec<f32>),
+    F64(Vec<f64>),
+    Text(Vec<Arc<str>>),
+}
+
+impl Values {
+    /// None yet, of the type `physical`.
+    pub(super) fn none(physical: Physical) -> Self {
+        match physical {
+            Physical::Bool => Self::Bool(vec![]),
+            Physical::I32 => Self::I32(vec![]),
+            Physical::I64 => Self::I64(vec![]),
+            Physical::F32 => Self::F32(vec![]),
+            Physical::F64 => Self::F64(vec![]),
+            Physical::Bytes => Self::Text(vec![]),
+        }
+    }
+
+    /// None yet, of the same type.
+    pub(super) fn none_yet(&self) -> Self {
+        match self {
+            Self::Bool(_) => Self::Bool(vec![]),
+            Self::I32(_) => Self::I32(vec![]),
+            Self::I64(_) => Self::I64(vec![]),
+            Self::F32(_) => Self::F32(vec![]),
+            Self::F64(_) => Self::F64(vec![]),
+            Self::Text(_) => Self::Text(vec![]),
+        }
+    }
+
+    /// Their type, as a message calls it.
+    pub(super) fn name(&self) -> &'static str {
+        match self {
+            Self::Bool(_) => "bool",
+            Self::I32(_) => "i32",
+            Self::I64(_) => "i64",
+            Self::F32(_) => "f32",
+            Self::F64(_) => "f64",
+            Self::Text(_) => "text",
+        }
+    }
+
+    /// How many there are.
+    pub(crate) fn len(&self) -> usize {
+        match self {
+            Self::Bool(values) => values.len(),
+            Self::I32(values) => values.len(),
+            Self::I64(values) => values.len(),
+            Self::F32(values) => values.len(),
+            Self::F64(values) => values.len(),
+            Self::Text(values) => values.len(),
+        }
+    }
+
+    /// As f64, truth values as 0 and 1; `None` of text.
+    pub(crate) fn widened(self) -> Option<Vec<f64>> {
+        Some(match self {
+            Self::Bool(values) => values.into_iter().map(|value| f64::from(u8::from(value))).collect(),
+            Self::I32(values) => values.into_iter().map(f64::from).collect(),
+            Self::I64(values) => values.into_iter().map(|value| value as f64).collect(),
+            Self::F32(values) => values.into_iter().map(f64::from).collect(),
+            Self::F64(values) => values,
+            Self::Text(_) => return None,
+        })
+    }
+
+    /// Appends `n` values that `bytes` hold one after another; text at the expense of `budget`.
+    pub(super) fn extend_plain(&mut self, bytes: &[u8], n: usize, budget: &mut Budget) -> Result<(), String> {
+        fn words<const N: usize, T>(
+            bytes: &[u8],
+            n: usize,
+            of: fn([u8; N]) -> T,
+        ) -> Result<impl Iterator<Item = T>, String> {
+            let words = bytes.as_chunks::<N>().0;
+            let words = words.get(..n).ok_or("a page ends too early")?;
+            Ok(words.iter().map(move |&word| of(word)))
+        }
+        match self {
+            Self::Bool(values) => {
+                let bytes = bytes.get(..n.div_ceil(8)).ok_or("a page ends too early")?;
+                values.extend((0..n).map(|i| bytes[i / 8] >> (i % 8) & 1 == 1));
+            }
+            Self::I32(values) => values.extend(words(bytes, n, i32::from_le_bytes)?),
+            Self::I64(values) => values.extend(words(bytes, n, i64::from_le_bytes)?),
+            Self::F32(values) => values.extend(words(bytes, n, f32::from_le_bytes)?),
+            Self::F64(values) => values.extend(words(bytes, n, f64::from_le_bytes)?),
+            Self::Text(values) => {
+                let mut reader = Reader { rest: bytes };
+                for _ in 0..n {
+                    let text = std::str::from_utf8(reader.prefixed()?).map_err(|_| "text that is not UTF-8")?;
+                    budget.spend_text(text.len() + ENTRY)?;
+                    values.push(text.into());
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Appends the values of `dictionary` at `indices`; text at the expense of `budget`.
+    pub(super) fn extend_from(
+        &mut self,
+        dictionary: &Self,
+        indices: &[u32],
+        budget: &mut Budget,
+    ) -> Result<(), String> {
+        fn look_up<T: Clone>(values: &mut Vec<T>, dictionary: &[T], indices: &[u32]) -> Result<(), String> {
+            for &index in indices {
+                values.push(dictionary.get(index as usize).ok_or("a value is not in its dictionary")?.clone());
+            }
+            Ok(())
+        }
+        match (self, dictionary) {
+            (Self::Bool(values), Self::Bool(dictionary)) => look_up(values, dictionary, indices),
+            (Self::I32(values), Self::I32(dictionary)) => look_up(values, dictionary, indices),
+            (Self::I64(values), Self::I64(dictionary)) => look_up(values, dictionary, indices),
+            (Self::F32(values), Self::F32(dictionary)) => look_up(values, dictionary, indices),
+            (Self::F64(values), Self::F64(dictionary)) => look_up(values, dictionary, indices),
+            (Self::Text(values), Self::Text(dictionary)) => {
+                let before = values.len();
+                look_up(values, dictionary, indices)?;
+                values[before..].iter().try_for_each(|text| budget.spend_text(text.len()))
+            }
+            _ => Err("a dictionary is of another type than its column".into()),
+        }
+    }
+}
+
+/// What may still be read of a file, so that a small file cannot fill the memory.
+pub(super) struct Budget {
+    /// Values, gaps among them.
+    pub(super) numbers: usize,
+    /// Bytes that are decompressed.
+    pub(super) bytes: usize,
+    /// Bytes of text, as often as it stands in a row or a dictionary.
+    pub(super) text: usize,
+}
+
+impl Budget {
+    pub(super) fn spend_text(&mut self, bytes: usize) -> Result<(), String> {
+        self.text = self.text.checked_sub(bytes).ok_or("more text than is read")?;
+        Ok(())
+    }
+}

@@ -1,0 +1,80 @@
+//! What runs can be told apart by.
+
+use std::{cmp::Ordering, fmt};
+
+use super::{
+    Parameter,
+    check::BLOCK_KEYS,
+    named::{Named, by_name},
+};
+
+/// A key that every run has a value of, or none: what makes rows, columns, curves and panels, and what a selection asks for.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Key {
+    /// The environment.
+    Env,
+    /// The algorithm.
+    Algorithm,
+    /// The seed.
+    Seed,
+    /// A setting or hyperparameter.
+    Parameter(Parameter),
+}
+
+impl Key {
+    /// The key that a file calls `name`; `None` when there is none.
+    pub fn parse(name: &str) -> Option<Self> {
+        match name {
+            "env" => Some(Self::Env),
+            "algorithm" => Some(Self::Algorithm),
+            "seed" => Some(Self::Seed),
+            _ => Parameter::find(name).map(Self::Parameter),
+        }
+    }
+
+    /// Its last part, which is what a reader calls it: `max_kl` of `mcpo.max_kl`.
+    pub fn last_part(&self) -> &str {
+        match self {
+            Self::Env => "env",
+            Self::Algorithm => "algorithm",
+            Self::Seed => "seed",
+            Self::Parameter(parameter) => parameter.last_part(),
+        }
+    }
+}
+
+impl Named for Key {
+    const WHAT: &str = "axis";
+
+    fn named(name: &str) -> Option<Self> {
+        Self::parse(name)
+    }
+
+    fn known() -> Vec<String> {
+        BLOCK_KEYS.into_iter().map(str::to_owned).chain(Parameter::names()).collect()
+    }
+}
+
+by_name!(Key);
+
+impl fmt::Display for Key {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Parameter(parameter) => parameter.fmt(f),
+            other => f.write_str(other.last_part()),
+        }
+    }
+}
+
+impl Ord for Key {
+    /// By name.
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.to_string().cmp(&other.to_string())
+    }
+}
+
+impl PartialOrd for Key {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}

@@ -1,0 +1,63 @@
+//! What a file names by a word of a known list, read once and a type from then on.
+
+use serde::de::Error;
+
+use super::names::{nearest_label, told};
+
+/// A type of which each value has a name in a file.
+pub(super) trait Named: Sized {
+    /// What a message calls it: `axis`.
+    const WHAT: &str;
+
+    /// The value that is called `name`; `None` where there is none.
+    fn named(name: &str) -> Option<Self>;
+
+    /// Every name, for a message that offers them.
+    fn known() -> Vec<String>;
+}
+
+/// The value that is called `name`.
+///
+/// Errors: there is none; what is known instead is told.
+pub(super) fn named<T: Named, E: Error>(name: &str) -> Result<T, E> {
+    T::named(name).ok_or_else(|| {
+        let known = T::known();
+        let label = nearest_label(T::WHAT, name, known.iter().map(String::as_str));
+        E::custom(told(&format!("unknown {} `{name}`", T::WHAT), label.as_deref()))
+    })
+}
+
+/// Has a [`Named`] type written and read as its name, which its `Display` gives.
+macro_rules! by_name {
+    ($type:ident) => {
+        impl serde::Serialize for $type {
+            fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+                serializer.collect_str(self)
+            }
+        }
+
+        impl<'de> serde::Deserialize<'de> for $type {
+            fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+                $crate::spec::named::named(&<String as serde::Deserialize>::deserialize(deserializer)?)
+            }
+        }
+
+        impl schemars::JsonSchema for $type {
+            fn schema_name() -> std::borrow::Cow<'static, str> {
+                stringify!($type).into()
+            }
+
+            fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+                schemars::json_schema!({ "type": "string" })
+            }
+        }
+
+        #[cfg(test)]
+        impl From<&str> for $type {
+            fn from(name: &str) -> Self {
+                <Self as $crate::spec::named::Named>::named(name).expect("a known name")
+            }
+        }
+    };
+}
+pub(super) use by_name;
