@@ -48,7 +48,7 @@ pub trait Entry: Sync {
     /// # Errors
     ///
     /// A key is missing, unknown or out of range.
-    fn from_json(&'static self, value: Json) -> Result<Algorithm, serde_json::Error>;
+    fn read_json(&'static self, value: Json) -> Result<Algorithm, serde_json::Error>;
 }
 
 impl<H: Tunable> Entry for Definition<H> {
@@ -68,7 +68,7 @@ impl<H: Tunable> Entry for Definition<H> {
         H::deserialize(document).map(|hyperparameters| self.with(hyperparameters))
     }
 
-    fn from_json(&'static self, value: Json) -> Result<Algorithm, serde_json::Error> {
+    fn read_json(&'static self, value: Json) -> Result<Algorithm, serde_json::Error> {
         H::deserialize(value).map(|hyperparameters| self.with(hyperparameters))
     }
 }
@@ -231,7 +231,7 @@ impl<'de> de::Visitor<'de> for Tagged {
             A::Error::custom(format!("unknown algorithm `{name}`, expected one of {}", names.join(", ")))
         };
         let entry = catalogue::find(&name).ok_or_else(unknown)?;
-        let algorithm = entry.from_json(map.next_value()?).map_err(A::Error::custom)?;
+        let algorithm = entry.read_json(map.next_value()?).map_err(A::Error::custom)?;
         match map.next_key::<String>()? {
             Some(_) => Err(A::Error::invalid_length(2, &self)),
             None => Ok(algorithm),
