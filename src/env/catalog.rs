@@ -104,6 +104,7 @@ impl Version {
 }
 
 /// What an environment is made of.
+#[expect(clippy::large_enum_variant, reason = "there are ten, all of them static")]
 pub(super) enum Body {
     /// A car on a curve.
     MountainCar,
