@@ -68,9 +68,9 @@ class Machine:
 
     def run(self, command, where=None):
         command = ["taskset", "-c", str(self.core), *map(str, command)]
-        environment = os.environ | ONE_THREAD | {"TORCHINDUCTOR_CACHE_DIR": f"{self.folder}/compiled"}
+        own = {"TORCHINDUCTOR_CACHE_DIR": f"{self.folder}/compiled", "PYTHONDONTWRITEBYTECODE": "1"}
         where = where or self.folder
-        return subprocess.run(command, cwd=where, env=environment, capture_output=True, text=True)
+        return subprocess.run(command, cwd=where, env=os.environ | ONE_THREAD | own, capture_output=True, text=True)
 
 
 def ours(machine, algorithm, arguments, env):
