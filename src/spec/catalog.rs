@@ -78,6 +78,13 @@ impl Section {
         Some(self.schema(path)?.get("properties")?.as_object()?.keys().map(String::as_str))
     }
 
+    /// Whether a list may stand at `key`.
+    pub(super) fn takes_lists(&self, key: &str) -> bool {
+        let is_list = |schema: &Json| schema["type"] == "array";
+        let forms = |schema: &Json| schema["anyOf"].as_array().is_some_and(|forms| forms.iter().any(is_list));
+        self.schema(&[key]).is_some_and(|schema| is_list(schema) || forms(schema))
+    }
+
     /// The keys without which a table of this type is incomplete.
     pub(super) fn required(&self) -> impl Iterator<Item = &str> {
         self.schema["required"].as_array().into_iter().flatten().filter_map(Json::as_str)

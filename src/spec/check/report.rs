@@ -90,7 +90,7 @@ impl Checker<'_> {
     /// The value at `key` of `section`; of a list each element by itself, so that each mistake is found.
     fn each(&mut self, section: &Section, key: &str, value: &Value<'_>) {
         match value.get_ref().as_array() {
-            Some(elements) if elements.len() > 1 => {
+            Some(elements) if !elements.is_empty() && section.takes_lists(key) => {
                 for (index, element) in elements.iter().enumerate() {
                     let mut alone = DeArray::new();
                     alone.push(element.clone());
@@ -149,5 +149,17 @@ mod tests {
         assert!(settings(table).contains("a table of returns is also called `t`"), "{}", settings(table));
         let floats = errors("[[settings]]\nname = 't-float'\ntitle = ''\nshow = []");
         assert!(floats.contains("`t-float` is the name of one of the report's own files"), "{floats}");
+    }
+
+    #[test]
+    fn each_wrong_element_of_a_list_is_told_and_the_others_stand() {
+        let series = |list: &str| {
+            let found = errors(&format!("[[figures]]\nname = 'f'\ntitle = ''\ny = 'mmd'\nseries = {list}\n"));
+            found.matches("unknown axis").count()
+        };
+        assert_eq!(
+            [series("['epsilom', 'd', 'seeed']"), series("['seeed']"), series("['d']"), series("[]")],
+            [2, 1, 0, 0]
+        );
     }
 }
