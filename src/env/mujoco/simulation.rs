@@ -70,7 +70,7 @@ impl Simulation {
 
     /// Whether each control is held to its range.
     pub(super) fn control_limited(&self) -> impl Iterator<Item = bool> {
-        self.data.model().actuator_ctrllimited().iter().map(|limited| *limited)
+        self.data.model().actuator_ctrllimited().iter().copied()
     }
 
     /// Number of the body, counted from the world's 0, or of the site that the model calls `name`.
