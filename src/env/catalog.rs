@@ -111,7 +111,7 @@ pub(super) enum Body {
     /// A robot that ships.
     Robot(LazyLock<(Robot, Model)>),
     /// A robot of the user's.
-    Own(Box<Own>),
+    Own(Own),
 }
 
 /// A robot of the user's.
@@ -217,7 +217,7 @@ pub(super) fn intern(name: &str, robot: Robot, model: Model) -> usize {
             microseconds: MICROSECONDS * robot.frame_skip.get() as f64,
             is_f32_in_gymnasium: false,
             versions: &[],
-            body: Body::Own(Box::new(Own { robot, model, digest })),
+            body: Body::Own(Own { robot, model, digest }),
             spaces: OnceLock::new(),
         };
         own.robots.push(Box::leak(Box::new(descriptor)));

@@ -61,7 +61,8 @@ pub fn import(path: &Path, env: EnvId) -> Result<Imported, DemoError> {
     if let Some(reason) = too_long(demonstration, env) {
         return Err(DemoError::Misfit { path: path.to_owned(), env, reason });
     }
-    warnings.extend(demonstration.label().and_then(|label| of_another_version(label, env)));
+    let label = demonstration.label().filter(|label| *label != env.name());
+    warnings.extend(label.and_then(|label| of_another_version(label, env)));
     let failed = |source| DemoError::Environment { path: path.to_owned(), source };
     if motion::mover(demonstration, env).map_err(failed)? == Mover::Unknown {
         warnings.push(format!(

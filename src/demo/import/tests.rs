@@ -524,8 +524,8 @@ fn a_label_of_another_environment_or_version_is_told() {
     assert_eq!(with("InvertedPendulum-v4").expect("the same numbers").warnings, Vec::<String>::new());
     let warnings = with("InvertedPendulum-v5").expect("nearly the same").warnings;
     assert!(warnings[0].contains("v5 pays 0 instead of 1"), "{warnings:?}");
-    let warnings = with("Swimmer-v2").expect("a label alone").warnings;
-    assert!(warnings[0].contains("`Swimmer-v2`, which is not known"), "{warnings:?}");
+    let warnings = with("Pusher-v2").expect("a label alone").warnings;
+    assert!(warnings[0].contains("`Pusher-v2`, which is not known"), "{warnings:?}");
 }
 
 #[test]
