@@ -12,7 +12,8 @@ fn main() {
         );
     }
     if let Ok(folder) = env::var("MUJOCO_DYNAMIC_LINK_DIR") {
-        // Beside the binary first, so that a binary shipped with its library works, then where it was linked.
+        // Beside the binary first, so that a binary shipped with its library works, then where it
+        // was linked.
         println!("cargo::rustc-link-arg=-Wl,-rpath,$ORIGIN:{folder}");
     }
 }

@@ -1,8 +1,9 @@
-//! What a training step is made of, piece by piece: `cargo bench --bench kernels`, or `... -- FILTER` for some of them.
+//! What a training step is made of, piece by piece: `cargo bench --bench kernels`, or `... --
+//! FILTER` for some of them.
 //!
-//! Rates are in numbers a second: floating-point operations of products, values of tanh, samples of everything else, steps of
-//! environments. Short measurements by default; `--measurement-time 5` and the like make them longer. Whole iterations
-//! are what `mcpo-run bench` measures.
+//! Rates are in numbers a second: floating-point operations of products, values of tanh, samples of
+//! everything else, steps of environments. Short measurements by default; `--measurement-time 5`
+//! and the like make them longer. Whole iterations are what `mcpo-run bench` measures.
 
 use std::{hint::black_box, time::Duration};
 
@@ -38,7 +39,13 @@ fn random(rows: usize, columns: usize) -> DMatrix<f32> {
 }
 
 fn policy() -> GaussianPolicy {
-    GaussianPolicy::new(OBSERVATION, &HIDDEN, ACTION, 0.5, &mut Seed(0).stream(Stream::Network, 0))
+    GaussianPolicy::new(
+        OBSERVATION,
+        &HIDDEN,
+        ACTION,
+        0.5,
+        &mut Seed(0).stream(Stream::Network, 0),
+    )
 }
 
 fn products(criterion: &mut Criterion) {
@@ -65,7 +72,9 @@ fn elementary(criterion: &mut Criterion) {
     for n in [8 * 700, 256 * 700] {
         let mut values = random(n, 1);
         group.throughput(Throughput::Elements(n as u64));
-        group.bench_function(n.to_string(), |bencher| bencher.iter(|| tanh(values.as_mut_slice())));
+        group.bench_function(n.to_string(), |bencher| {
+            bencher.iter(|| tanh(values.as_mut_slice()))
+        });
     }
 }
 
@@ -88,7 +97,8 @@ fn networks(criterion: &mut Criterion) {
             bencher.iter(|| network.jvp(&inputs, &mut pass, &tangent[..parameters], &mut output));
         });
         group.bench_function(BenchmarkId::new("VJP", n), |bencher| {
-            bencher.iter(|| network.vjp(&inputs, &mut pass, &cotangent, &mut gradient[..parameters]));
+            bencher
+                .iter(|| network.vjp(&inputs, &mut pass, &cotangent, &mut gradient[..parameters]));
         });
         let mut fisher = Fisher::new(&policy, &inputs, &mut pass, 1e-2);
         group.bench_function(BenchmarkId::new("Fisher product", n), |bencher| {
@@ -100,12 +110,20 @@ fn networks(criterion: &mut Criterion) {
 fn mmd(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("MMD");
     for n in [1000, 4000] {
-        let (points, samples) = (random(OBSERVATION + ACTION, n), random(OBSERVATION + ACTION, n));
-        let kernel = Kernel::new(Bandwidth::Fixed(Positive::try_from(1.0).expect("above 0")), &points);
+        let (points, samples) = (
+            random(OBSERVATION + ACTION, n),
+            random(OBSERVATION + ACTION, n),
+        );
+        let kernel = Kernel::new(
+            Bandwidth::Fixed(Positive::try_from(1.0).expect("above 0")),
+            &points,
+        );
         let target = Target::new(points, kernel, Estimator::V);
         let mut gradient = DMatrix::zeros(OBSERVATION + ACTION, n);
         group.throughput(Throughput::Elements(n as u64));
-        group.bench_function(BenchmarkId::new("value", n), |bencher| bencher.iter(|| target.mmd_squared(&samples)));
+        group.bench_function(BenchmarkId::new("value", n), |bencher| {
+            bencher.iter(|| target.mmd_squared(&samples))
+        });
         group.bench_function(BenchmarkId::new("gradient", n), |bencher| {
             bencher.iter(|| target.mmd_squared_gradient(&samples, &mut gradient));
         });
@@ -118,7 +136,9 @@ fn advantages(criterion: &mut Criterion) {
     let last_observation = observations.column(0).as_slice().to_vec();
     let segment = |start| Segment {
         range: start..start + N / 8,
-        end: SegmentEnd::Bootstrapped { last_observation: last_observation.clone() },
+        end: SegmentEnd::Bootstrapped {
+            last_observation: last_observation.clone(),
+        },
     };
     let batch = Batch {
         raw_observations: DMatrix::zeros(OBSERVATION, 0),
@@ -139,8 +159,16 @@ fn advantages(criterion: &mut Criterion) {
 }
 
 fn duals(criterion: &mut Criterion) {
-    let problem = DualProblem { q: 2.0, r: -0.7, s: 1.3, slack: -0.05, radius: 5e-3 };
-    criterion.bench_function("dual", |bencher| bencher.iter(|| dual::solve(black_box(&problem))));
+    let problem = DualProblem {
+        q: 2.0,
+        r: -0.7,
+        s: 1.3,
+        slack: -0.05,
+        radius: 5e-3,
+    };
+    criterion.bench_function("dual", |bencher| {
+        bencher.iter(|| dual::solve(black_box(&problem)))
+    });
 }
 
 /// Uniform actions; episodes begin anew where they end.
@@ -148,7 +176,8 @@ fn environments(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("step");
     group.throughput(Throughput::Elements(1));
     for env in EnvId::ALL {
-        let mut task = Task::new(env, Reward::Dense, env.max_steps()).expect("the engine takes its model");
+        let mut task =
+            Task::new(env, Reward::Dense, env.max_steps()).expect("the engine takes its model");
         let spaces = task.spaces();
         let mut rng = Seed(0).stream(Stream::Environment, 0);
         let mut observation = vec![0.0; spaces.observation_dim];
@@ -157,8 +186,15 @@ fn environments(criterion: &mut Criterion) {
         group.bench_function(env.name(), |bencher| {
             bencher.iter(|| {
                 let bound = spaces.action_bound;
-                action.iter_mut().for_each(|a| *a = rng.random_range(-bound..=bound));
-                if task.step(&action, &mut observation).expect("the physics holds").end.is_some() {
+                action
+                    .iter_mut()
+                    .for_each(|a| *a = rng.random_range(-bound..=bound));
+                if task
+                    .step(&action, &mut observation)
+                    .expect("the physics holds")
+                    .end
+                    .is_some()
+                {
                     task.reset(&mut rng, &mut observation);
                 }
             });
@@ -173,7 +209,15 @@ fn main() {
         .measurement_time(Duration::from_millis(400))
         .without_plots()
         .configure_from_args();
-    for part in [products, elementary, networks, mmd, advantages, duals, environments] {
+    for part in [
+        products,
+        elementary,
+        networks,
+        mmd,
+        advantages,
+        duals,
+        environments,
+    ] {
         part(&mut criterion);
     }
     criterion.final_summary();

@@ -1,11 +1,14 @@
-//! What shortcuts in the natural gradient cost in the step that they find: `cargo bench --bench shortcuts`.
+//! What shortcuts in the natural gradient cost in the step that they find: `cargo bench --bench
+//! shortcuts`.
 //!
-//! On batches of MCPO in training on the dense reward, `H^-1 v` is found for its two gradients, v = g of the surrogate and
-//! v = b of the MMD at the demonstration's states, with as many samples in the Fisher matrix and as many products as each row
-//! says. Printed are the gain `v.x` as a share of the best at the same KL, and the mean KL of the step in units of what was
-//! asked for, both by the quadratic model of all samples; the best is what 300 products with all of them find. A warm start
-//! goes on from what 10 products with all samples found an iteration earlier, at its best length, which costs one product.
-//! Means over the batches, the lowest gain and the highest KL in brackets. `experiments/studies/shortcuts` says what it led to.
+//! On batches of MCPO in training on the dense reward, `H^-1 v` is found for its two gradients, v =
+//! g of the surrogate and v = b of the MMD at the demonstration's states, with as many samples in
+//! the Fisher matrix and as many products as each row says. Printed are the gain `v.x` as a share
+//! of the best at the same KL, and the mean KL of the step in units of what was asked for, both by
+//! the quadratic model of all samples; the best is what 300 products with all of them find. A warm
+//! start goes on from what 10 products with all samples found an iteration earlier, at its best
+//! length, which costs one product. Means over the batches, the lowest gain and the highest KL in
+//! brackets. `experiments/studies/shortcuts` says what it led to.
 
 use std::{error::Error, path::Path};
 
@@ -40,7 +43,10 @@ const PRODUCTS: [usize; 5] = [3, 5, 10, 15, 20];
 const ENOUGH: Limits = limits(300);
 
 const fn limits(iterations: usize) -> Limits {
-    Limits { iterations, relative_residual: 0.0 }
+    Limits {
+        iterations,
+        relative_residual: 0.0,
+    }
 }
 
 #[expect(clippy::print_stdout, reason = "it is what this program is for")]
@@ -48,11 +54,18 @@ fn main() -> Result<(), Box<dyn Error>> {
     for env in ["HalfCheetah-v2", "Hopper-v2", "Ant-v2"] {
         let cases = study(env)?;
         println!("\n{env}, iterations {ITERATIONS:?}\n");
-        println!("| Fisher samples | products | residual of g | gain of g | KL of g | gain of b | KL of b |");
+        println!(
+            "| Fisher samples | products | residual of g | gain of g | KL of g | gain of b | KL of b |"
+        );
         println!("|---|---:|---:|---:|---:|---:|---:|");
         for case in &cases {
             let warm = if case.is_warm { ", warm" } else { "" };
-            println!("| {}{warm} | {} | {} |", case.samples, case.products, case.cells());
+            println!(
+                "| {}{warm} | {} | {} |",
+                case.samples,
+                case.products,
+                case.cells()
+            );
         }
     }
     Ok(())
@@ -79,17 +92,33 @@ struct Quality {
 
 impl Case {
     fn cells(&self) -> String {
-        let mean = |of: &[Quality], what: fn(&Quality) -> f64| of.iter().map(what).sum::<f64>() / of.len() as f64;
+        let mean = |of: &[Quality], what: fn(&Quality) -> f64| {
+            of.iter().map(what).sum::<f64>() / of.len() as f64
+        };
         let gain = |of: &[Quality]| {
-            let lowest = of.iter().map(|quality| quality.gain).fold(f64::INFINITY, f64::min);
-            format!("{:.0}% ({:.0}%)", 100.0 * mean(of, |quality| quality.gain), 100.0 * lowest)
+            let lowest = of
+                .iter()
+                .map(|quality| quality.gain)
+                .fold(f64::INFINITY, f64::min);
+            format!(
+                "{:.0}% ({:.0}%)",
+                100.0 * mean(of, |quality| quality.gain),
+                100.0 * lowest
+            )
         };
         let kl = |of: &[Quality]| {
             let highest = of.iter().map(|quality| quality.kl).fold(0.0, f64::max);
             format!("{:.2} ({highest:.2})", mean(of, |quality| quality.kl))
         };
         let residual = mean(&self.of_g, |quality| quality.residual);
-        [format!("{residual:.2}"), gain(&self.of_g), kl(&self.of_g), gain(&self.of_b), kl(&self.of_b)].join(" | ")
+        [
+            format!("{residual:.2}"),
+            gain(&self.of_g),
+            kl(&self.of_g),
+            gain(&self.of_b),
+            kl(&self.of_b),
+        ]
+        .join(" | ")
     }
 }
 
@@ -98,22 +127,44 @@ fn study(env: &str) -> Result<Vec<Case>, Box<dyn Error>> {
         "name = 'shortcuts'\nreward = 'dense'\nbudget.env_steps = 1_000_000\n\
          [[matrix]]\nseed = [0]\nenv = ['{env}']\nalgorithm = ['mcpo']\n"
     );
-    let spec = spec::parse(Path::new("experiments/shortcuts.toml"), &text, &Overrides::default())?;
+    let spec = spec::parse(
+        Path::new("experiments/shortcuts.toml"),
+        &text,
+        &Overrides::default(),
+    )?;
     let spec: RunSpec = plan::plan(&spec)?.remove(0);
     let h: mcpo::Hyperparameters = spec.algorithm.hyperparameters().try_into()?;
     let tasks = build::tasks(&spec, spec.rollout.environments.size())?;
     let steps = spec.rollout.steps.size() / tasks.len();
     let agent = build::agent(&spec, tasks[0].spaces());
-    let path = spec.demonstration.as_deref().ok_or("MCPO has a demonstration")?;
+    let path = spec
+        .demonstration
+        .as_deref()
+        .ok_or("MCPO has a demonstration")?;
     let demonstration = Demonstration::read_for(path, spec.env)?;
     let mut mcpo = Mcpo::new(h.clone(), agent, &demonstration, spec.seed);
-    let mut mimicry = Mimicry::new(h.mmd.clone(), &demonstration, mcpo.agent().hidden(), spec.seed);
+    let mut mimicry = Mimicry::new(
+        h.mmd.clone(),
+        &demonstration,
+        mcpo.agent().hidden(),
+        spec.seed,
+    );
     let mut rollout = Rollout::new(tasks, spec.seed);
     let mut updates = spec.seed.stream(Stream::Update, 0);
 
-    let case = |samples, is_warm, products| Case { samples, is_warm, products, of_g: Vec::new(), of_b: Vec::new() };
-    let cold = SAMPLES.iter().flat_map(|&samples| PRODUCTS.map(|products| case(samples, false, products)));
-    let mut cases: Vec<Case> = cold.chain(PRODUCTS.map(|products| case(SAMPLES[0], true, products))).collect();
+    let case = |samples, is_warm, products| Case {
+        samples,
+        is_warm,
+        products,
+        of_g: Vec::new(),
+        of_b: Vec::new(),
+    };
+    let cold = SAMPLES
+        .iter()
+        .flat_map(|&samples| PRODUCTS.map(|products| case(samples, false, products)));
+    let mut cases: Vec<Case> = cold
+        .chain(PRODUCTS.map(|products| case(SAMPLES[0], true, products)))
+        .collect();
     let mut before: Option<[Vec<f32>; 2]> = None;
     for iteration in 1..=ITERATIONS[ITERATIONS.len() - 1] {
         let batch = rollout.collect(mcpo.agent_mut(), steps)?.batch;
@@ -122,11 +173,17 @@ fn study(env: &str) -> Result<Vec<Case>, Box<dyn Error>> {
             let gradients = gradients(mcpo.agent(), &batch, &mut mimicry, &h)?;
             let problem = Problem::new(mcpo.agent(), &batch, h.region.damping.get());
             if let Some(before) = before.take() {
-                let best =
-                    [0, 1].map(|i| dot(&gradients[i], &problem.solved(&batch.observations, &gradients[i], ENOUGH).0));
+                let best = [0, 1].map(|i| {
+                    dot(
+                        &gradients[i],
+                        &problem.solved(&batch.observations, &gradients[i], ENOUGH).0,
+                    )
+                });
                 for case in &mut cases {
-                    case.of_g.push(problem.quality(case, &gradients[0], &before[0], best[0]));
-                    case.of_b.push(problem.quality(case, &gradients[1], &before[1], best[1]));
+                    case.of_g
+                        .push(problem.quality(case, &gradients[0], &before[0], best[0]));
+                    case.of_b
+                        .push(problem.quality(case, &gradients[1], &before[1], best[1]));
                 }
             }
             before = Some(gradients.map(|v| problem.solved(&batch.observations, &v, limits(10)).0));
@@ -145,7 +202,14 @@ fn gradients(
 ) -> Result<[Vec<f32>; 2], Box<dyn Error>> {
     let (discount, lambda) = (h.critic.discount.get(), h.critic.gae_lambda.get());
     let (mut pass, mut value_pass) = (Pass::default(), Pass::default());
-    let estimate = gae::estimate(batch, &batch.rewards, &agent.value, discount, lambda, &mut value_pass);
+    let estimate = gae::estimate(
+        batch,
+        &batch.rewards,
+        &agent.value,
+        discount,
+        lambda,
+        &mut value_pass,
+    );
     let surrogate = Surrogate::new(&agent.policy, batch, &estimate.advantages, &mut pass);
     let g = surrogate.gradient(&agent.policy, &mut pass);
     let mut unused = Seed(0).stream(Stream::Update, 0);
@@ -162,7 +226,11 @@ struct Problem<'a> {
 
 impl<'a> Problem<'a> {
     fn new(agent: &'a Agent, batch: &'a Batch, damping: f64) -> Self {
-        Self { agent, all: &batch.observations, damping }
+        Self {
+            agent,
+            all: &batch.observations,
+            damping,
+        }
     }
 
     /// Conjugate gradient with the Fisher matrix of `observations`; and its residual.
@@ -183,21 +251,37 @@ impl<'a> Problem<'a> {
         product
     }
 
-    /// Of `case`'s solution for `v`, whose best one has `v.x = best`; the iteration before had found `before`.
+    /// Of `case`'s solution for `v`, whose best one has `v.x = best`; the iteration before had
+    /// found `before`.
     fn quality(&self, case: &Case, v: &[f32], before: &[f32], best: f64) -> Quality {
         let (x, residual) = if case.is_warm {
             let moved = self.product(before);
             let length = (dot(before, v) / dot(before, &moved)) as f32;
-            let left: Vec<f32> = v.iter().zip(&moved).map(|(v, moved)| v - length * moved).collect();
+            let left: Vec<f32> = v
+                .iter()
+                .zip(&moved)
+                .map(|(v, moved)| v - length * moved)
+                .collect();
             let (more, residual) = self.solved(self.all, &left, limits(case.products - 1));
-            let x = before.iter().zip(&more).map(|(x, more)| length * x + more).collect();
+            let x = before
+                .iter()
+                .zip(&more)
+                .map(|(x, more)| length * x + more)
+                .collect();
             (x, residual * (dot(&left, &left) / dot(v, v)).sqrt())
         } else {
-            let some = self.all.columns_with_step(0, case.samples, self.all.ncols() / case.samples - 1).into_owned();
+            let some = self
+                .all
+                .columns_with_step(0, case.samples, self.all.ncols() / case.samples - 1)
+                .into_owned();
             self.solved(&some, v, limits(case.products))
         };
         let (gain, square) = (dot(v, &x), dot(&x, &self.product(&x)));
         // The step is scaled by its own model's idea of its KL, which is v.x / 2.
-        Quality { residual, gain: gain / (square * best).sqrt(), kl: square / gain }
+        Quality {
+            residual,
+            gain: gain / (square * best).sqrt(),
+            kl: square / gain,
+        }
     }
 }

@@ -1,9 +1,11 @@
-//! An environment of one's own in Rust: a cart that is pushed along a rail and is to come to rest one metre further on.
+//! An environment of one's own in Rust: a cart that is pushed along a rail and is to come to rest
+//! one metre further on.
 //!
 //!     cargo run --release --example environment
 //!
-//! It plays one episode under a controller written by hand, with the sparse reward of a [`Task`]: 1 for each whole quarter of a
-//! metre. A robot that MuJoCo simulates needs no Rust: it is a table in the matrix file.
+//! It plays one episode under a controller written by hand, with the sparse reward of a [`Task`]: 1
+//! for each whole quarter of a metre. A robot that MuJoCo simulates needs no Rust: it is a table in
+//! the matrix file.
 
 #![expect(clippy::print_stdout, reason = "an example shows what it finds")]
 
@@ -35,7 +37,11 @@ struct Cart {
 impl Cart {
     /// Begins an episode here.
     fn begin(&mut self, position: f64, velocity: f64, observation: &mut [f64]) {
-        *self = Self { position, velocity, start: position };
+        *self = Self {
+            position,
+            velocity,
+            start: position,
+        };
         self.observe(observation);
     }
 
@@ -48,18 +54,31 @@ impl Cart {
 /// The numbers, if there are as many as needed and all are finite.
 fn checked<const N: usize>(what: &'static str, numbers: &[f64]) -> Result<[f64; N], EnvError> {
     let env = || NAME.to_owned();
-    let wrong_length = |_| EnvError::WrongLength { env: env(), what, got: numbers.len(), expected: N };
+    let wrong_length = |_| EnvError::WrongLength {
+        env: env(),
+        what,
+        got: numbers.len(),
+        expected: N,
+    };
     let checked = <[f64; N]>::try_from(numbers).map_err(wrong_length)?;
     if checked.iter().all(|number| number.is_finite()) {
         Ok(checked)
     } else {
-        Err(EnvError::NonFinite { env: env(), what, numbers: numbers.to_vec() })
+        Err(EnvError::NonFinite {
+            env: env(),
+            what,
+            numbers: numbers.to_vec(),
+        })
     }
 }
 
 impl Environment for Cart {
     fn spaces(&self) -> Spaces {
-        Spaces { observation_dim: 2, action_dim: 1, action_bound: PUSH }
+        Spaces {
+            observation_dim: 2,
+            action_dim: 1,
+            action_bound: PUSH,
+        }
     }
 
     fn reset(&mut self, rng: &mut Rng, observation: &mut [f64]) {
@@ -71,7 +90,10 @@ impl Environment for Cart {
         self.observe(observation);
         let reward = -(self.position - GOAL).abs() - 0.01 * action[0].powi(2);
         // A cart that has left the rail ends the episode: no reward comes after it.
-        Ok(Outcome { reward, terminated: self.position.abs() > 2.0 })
+        Ok(Outcome {
+            reward,
+            terminated: self.position.abs() > 2.0,
+        })
     }
 
     fn advance(&mut self, action: &[f64]) -> Result<(), EnvError> {
@@ -87,7 +109,10 @@ impl Environment for Cart {
     }
 
     fn pose(&self) -> Pose {
-        Pose { qpos: vec![self.position], qvel: vec![self.velocity] }
+        Pose {
+            qpos: vec![self.position],
+            qvel: vec![self.velocity],
+        }
     }
 
     fn set_pose(&mut self, pose: &Pose, observation: &mut [f64]) -> Result<(), EnvError> {
@@ -102,17 +127,23 @@ impl Environment for Cart {
 
     fn restore(&mut self, state: &[f64]) -> Result<(), EnvError> {
         let [position, velocity, start] = checked("the saved state", state)?;
-        *self = Self { position, velocity, start };
+        *self = Self {
+            position,
+            velocity,
+            start,
+        };
         Ok(())
     }
 }
 
-/// Pushes towards the goal and against the motion: critically damped, so that the cart comes to rest without passing it.
+/// Pushes towards the goal and against the motion: critically damped, so that the cart comes to
+/// rest without passing it.
 fn controller(observation: &[f64]) -> [f64; 1] {
     [2.0 * (GOAL - observation[0]) - 8f64.sqrt() * observation[1]]
 }
 
-/// Plays on to the episode's end, and gives its sparse return and its dense one from here on, and how it ended.
+/// Plays on to the episode's end, and gives its sparse return and its dense one from here on, and
+/// how it ended.
 fn play(task: &mut Task, observation: &mut [f64]) -> Result<(f64, f64, EpisodeEnd), EnvError> {
     let (mut sparse, mut dense) = (0.0, 0.0);
     loop {
@@ -131,20 +162,36 @@ fn play(task: &mut Task, observation: &mut [f64]) -> Result<(f64, f64, EpisodeEn
 ///
 /// An action or a state does not fit the cart.
 pub fn main() -> Result<(), EnvError> {
-    let reward = Reward::Sparse2 { distance: constant(0.25), mode: SparseMode::Milestone };
+    let reward = Reward::Sparse2 {
+        distance: constant(0.25),
+        mode: SparseMode::Milestone,
+    };
     let mut task = Task::from_environment(NAME, Box::new(Cart::default()), reward, 200);
     let mut observation = vec![0.0; task.spaces().observation_dim];
-    task.reset(&mut Seed(0).stream(Stream::Environment, 0), &mut observation);
+    task.reset(
+        &mut Seed(0).stream(Stream::Environment, 0),
+        &mut observation,
+    );
     task.step(&controller(&observation), &mut observation)?;
     let (state, mut again) = (task.save(), observation.clone());
 
     let (sparse, dense, end) = play(&mut task, &mut observation)?;
-    println!("{end:?} at {:.4} m, {:.4} m/s", observation[0], observation[1]);
+    println!(
+        "{end:?} at {:.4} m, {:.4} m/s",
+        observation[0], observation[1]
+    );
     println!("return {sparse} in the sparse reward, {dense:.2} in the dense one");
-    assert!((observation[0] - GOAL).abs() < 1e-3 && observation[1].abs() < 1e-3, "the cart rests at the goal");
+    assert!(
+        (observation[0] - GOAL).abs() < 1e-3 && observation[1].abs() < 1e-3,
+        "the cart rests at the goal"
+    );
 
     task.restore(&state)?;
-    assert_eq!(play(&mut task, &mut again)?, (sparse, dense, end), "a restored episode goes on as it did");
+    assert_eq!(
+        play(&mut task, &mut again)?,
+        (sparse, dense, end),
+        "a restored episode goes on as it did"
+    );
     assert_eq!(again, observation, "to the same bits");
     println!("the same from a saved state");
     Ok(())

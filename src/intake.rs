@@ -1,7 +1,8 @@
 //! Files that may come from strangers: regular ones alone, and no more of them than is expected.
 //!
-//! A folder of results may hold a pipe where a table is expected, which would never end, a device that has no end, or a link
-//! to a file elsewhere. Owns how a file is opened and how much of it is read; knows nothing of what is in it.
+//! A folder of results may hold a pipe where a table is expected, which would never end, a device
+//! that has no end, or a link to a file elsewhere. Owns how a file is opened and how much of it is
+//! read; knows nothing of what is in it.
 
 use std::{
     fs::{File, Metadata, OpenOptions},
@@ -20,32 +21,44 @@ pub(crate) enum Links {
 
 /// The whole content of the regular file `path`.
 ///
-/// Errors: it is missing, a link that is refused, no regular file, or longer than `limit` bytes.
+/// # Errors
+///
+/// It is missing, a link that is refused, no regular file, or longer than `limit` bytes.
 pub(crate) fn read(path: &Path, links: Links, limit: u64) -> io::Result<Vec<u8>> {
     let file = open(path, links, OpenOptions::new().read(true))?;
     let mut bytes = Vec::new();
     file.take(limit.saturating_add(1)).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > limit {
-        return Err(invalid(format!("it has more than {limit} bytes, which is the most that is read")));
+        return Err(invalid(format!(
+            "it has more than {limit} bytes, which is the most that is read"
+        )));
     }
     Ok(bytes)
 }
 
 /// Opens the regular file `path` as `options` say.
 ///
-/// Errors: as the system's, or it is a link that is refused, or no regular file.
+/// # Errors
+///
+/// As the system's, or it is a link that is refused, or no regular file.
 pub(crate) fn open(path: &Path, links: Links, options: &OpenOptions) -> io::Result<File> {
     let mut options = options.clone();
     #[cfg(unix)]
     {
         use std::os::unix::fs::OpenOptionsExt;
         let flags = rustix::fs::OFlags::NONBLOCK; // opening a pipe waits for whoever writes to it
-        let no_follow = if links == Links::Refuse { rustix::fs::OFlags::NOFOLLOW } else { rustix::fs::OFlags::empty() };
+        let no_follow = if links == Links::Refuse {
+            rustix::fs::OFlags::NOFOLLOW
+        } else {
+            rustix::fs::OFlags::empty()
+        };
         options.custom_flags((flags | no_follow).bits() as i32);
     }
     let file = match options.open(path) {
         Err(_) if links == Links::Refuse && path.is_symlink() => {
-            return Err(invalid("it is a link to another file, and links are not followed there".to_owned()));
+            return Err(invalid(
+                "it is a link to another file, and links are not followed there".to_owned(),
+            ));
         }
         opened => opened?,
     };
@@ -54,8 +67,16 @@ pub(crate) fn open(path: &Path, links: Links, options: &OpenOptions) -> io::Resu
 }
 
 fn check(metadata: &Metadata) -> io::Result<()> {
-    let what = if metadata.is_dir() { "a folder" } else { "a device, a pipe or the like" };
-    if metadata.is_file() { Ok(()) } else { Err(invalid(format!("it is {what}, not a file"))) }
+    let what = if metadata.is_dir() {
+        "a folder"
+    } else {
+        "a device, a pipe or the like"
+    };
+    if metadata.is_file() {
+        Ok(())
+    } else {
+        Err(invalid(format!("it is {what}, not a file")))
+    }
 }
 
 fn invalid(reason: String) -> io::Error {
@@ -77,14 +98,19 @@ mod tests {
     fn what_is_no_regular_file_is_refused_at_once() {
         let folder = tempfile::tempdir().expect("a folder");
         let pipe = folder.path().join("pipe");
-        let made = std::process::Command::new("mkfifo").arg(&pipe).status().expect("mkfifo is there");
+        let made = std::process::Command::new("mkfifo")
+            .arg(&pipe)
+            .status()
+            .expect("mkfifo is there");
         assert!(made.success());
         for links in [Links::Follow, Links::Refuse] {
             assert!(refusal(&pipe, links).contains("a pipe"));
             assert!(refusal(Path::new("/dev/zero"), links).contains("a device"));
             assert!(refusal(folder.path(), links).contains("a folder"));
             assert_eq!(
-                read(&folder.path().join("none"), links, 8).expect_err("missing").kind(),
+                read(&folder.path().join("none"), links, 8)
+                    .expect_err("missing")
+                    .kind(),
                 io::ErrorKind::NotFound
             );
         }
@@ -102,7 +128,9 @@ mod tests {
         assert!(open(&link, Links::Refuse, &append).is_err());
         let nowhere = folder.path().join("nowhere");
         symlink(folder.path().join("new"), &nowhere).expect("linked");
-        assert!(open(&nowhere, Links::Refuse, &append).is_err() && !folder.path().join("new").exists());
+        assert!(
+            open(&nowhere, Links::Refuse, &append).is_err() && !folder.path().join("new").exists()
+        );
         fs::write(&file, "nine bytes").expect("written");
         assert!(refusal(&link, Links::Follow).contains("more than 8 bytes"));
     }

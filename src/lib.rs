@@ -1,14 +1,15 @@
 //! Declarative experiments in reinforcement learning from imperfect demonstrations.
 //!
-//! A directory of TOML matrices goes in; Parquet results, learning curves and tables come out. The modules are the
-//! way of the data:
+//! A directory of TOML matrices goes in; Parquet results, learning curves and tables come out. The
+//! modules are the way of the data:
 //!
 //! ```text
 //! experiments/*.toml -> spec -> plan -> schedule -> train (algo x env x nn x demo) -> record -> report
 //!   what is written     typed   runs    processes           one loop               parquet   figures, tables
 //! ```
 //!
-//! MCPO's update, the reason this crate exists, is [`algo::mcpo`]; the quadratic problem inside it is
+//! MCPO's update, the reason this crate exists, is [`algo::mcpo`]; the quadratic problem inside it
+//! is
 //! [`solver::dual`]. The environments, the demonstrations, the MMD and the solver can be used without the runner.
 
 pub mod algo;

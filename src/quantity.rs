@@ -1,7 +1,7 @@
 //! Numbers that cannot be out of range.
 //!
-//! Owns the bounds of everything a user writes as a number, so that a bad value is refused where it is written. Knows
-//! nothing of what the numbers mean. Start at [`Positive`].
+//! Owns the bounds of everything a user writes as a number, so that a bad value is refused where it
+//! is written. Knows nothing of what the numbers mean. Start at [`Positive`].
 
 use std::fmt;
 
@@ -71,7 +71,19 @@ bounded! {
 }
 
 /// A whole number of things, or none.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    Hash,
+    Serialize,
+    Deserialize,
+    schemars::JsonSchema,
+)]
 #[serde(try_from = "i64", into = "i64")]
 pub struct CountOrNone(u64);
 
@@ -92,7 +104,10 @@ impl TryFrom<i64> for CountOrNone {
 
     fn try_from(value: i64) -> Result<Self, OutOfRange> {
         let expected = "a whole number, 0 or above";
-        u64::try_from(value).map(Self).map_err(|_| OutOfRange { value: value as f64, expected })
+        u64::try_from(value).map(Self).map_err(|_| OutOfRange {
+            value: value as f64,
+            expected,
+        })
     }
 }
 
@@ -106,7 +121,19 @@ impl From<CountOrNone> for i64 {
 pub type EnvSteps = Count;
 
 /// A whole number of things, at least one.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    Hash,
+    Serialize,
+    Deserialize,
+    schemars::JsonSchema,
+)]
 #[serde(try_from = "i64", into = "i64")]
 #[schemars(extend("minimum" = 1))]
 pub struct Count(u64);
@@ -129,7 +156,10 @@ impl TryFrom<i64> for Count {
     fn try_from(value: i64) -> Result<Self, OutOfRange> {
         match u64::try_from(value) {
             Ok(count) if count > 0 => Ok(Self(count)),
-            _ => Err(OutOfRange { value: value as f64, expected: "a whole number, 1 or above" }),
+            _ => Err(OutOfRange {
+                value: value as f64,
+                expected: "a whole number, 1 or above",
+            }),
         }
     }
 }
@@ -146,7 +176,8 @@ impl fmt::Display for Count {
     }
 }
 
-/// The bounded number `value`, for defaults in code; panics when it is out of range, since that is our own mistake.
+/// The bounded number `value`, for defaults in code; panics when it is out of range, since that is
+/// our own mistake.
 pub fn constant<T, V>(value: V) -> T
 where
     T: TryFrom<V, Error = OutOfRange>,

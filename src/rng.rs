@@ -1,7 +1,8 @@
 //! Random numbers: one seed a run, one independent stream a purpose.
 //!
-//! Owns [`Seed`] and [`Stream`] over ChaCha8, whose state can be saved. Knows nothing of what the numbers are for. There
-//! is no global generator: whoever draws is handed a [`Rng`], so that what one part draws never moves another.
+//! Owns [`Seed`] and [`Stream`] over ChaCha8, whose state can be saved. Knows nothing of what the
+//! numbers are for. There is no global generator: whoever draws is handed a [`Rng`], so that what
+//! one part draws never moves another.
 
 use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
 use serde::{Deserialize, Serialize};
@@ -30,12 +31,25 @@ pub enum Stream {
 }
 
 /// The seed of a run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    Hash,
+    Serialize,
+    Deserialize,
+    schemars::JsonSchema,
+)]
 #[serde(transparent)]
 pub struct Seed(pub u64);
 
 impl Seed {
-    /// The generator for `stream`; two different pairs (stream, index) give independent numbers under the same seed.
+    /// The generator for `stream`; two different pairs (stream, index) give independent numbers
+    /// under the same seed.
     pub fn stream(self, stream: Stream, index: u32) -> Rng {
         let mut rng = ChaCha8Rng::seed_from_u64(self.0);
         rng.set_stream((stream as u64) << 32 | u64::from(index));
@@ -54,7 +68,10 @@ mod tests {
         assert_eq!(first(Stream::Action, 0), first(Stream::Action, 0));
         assert_ne!(first(Stream::Action, 0), first(Stream::Action, 1));
         assert_ne!(first(Stream::Action, 0), first(Stream::Environment, 0));
-        assert_ne!(first(Stream::Action, 0), Seed(8).stream(Stream::Action, 0).next_u64());
+        assert_ne!(
+            first(Stream::Action, 0),
+            Seed(8).stream(Stream::Action, 0).next_u64()
+        );
     }
 
     #[test]

@@ -1,8 +1,9 @@
 //! A step in the environment takes no memory from the system.
 //!
-//! Precisely: a rollout allocates a fixed number of times, which depends neither on how many steps it takes nor on how many
-//! samples that makes, and no more than [`PER_EPISODE`] times for each episode that ends in it. MuJoCo's own memory is
-//! not Rust's and not counted; its simulations have an arena of their own.
+//! Precisely: a rollout allocates a fixed number of times, which depends neither on how many steps
+//! it takes nor on how many samples that makes, and no more than [`PER_EPISODE`] times for each
+//! episode that ends in it. MuJoCo's own memory is not Rust's and not counted; its simulations have
+//! an arena of their own.
 
 use std::{
     alloc::{GlobalAlloc, Layout, System},
@@ -30,7 +31,10 @@ thread_local! {
 /// The system's allocator, counted.
 struct Counting;
 
-#[expect(unsafe_code, reason = "an allocator is unsafe by its definition; every call is handed on as it came")]
+#[expect(
+    unsafe_code,
+    reason = "an allocator is unsafe by its definition; every call is handed on as it came"
+)]
 // SAFETY: the system's allocator keeps the contract, and counting does not allocate.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
@@ -62,12 +66,19 @@ static ALLOCATOR: Counting = Counting;
 
 /// A rollout of `env`'s under way, and who acts in it.
 fn begun(env: EnvId) -> (Rollout, Agent) {
-    let tasks: Vec<Task> =
-        (0..LANES).map(|_| Task::new(env, Reward::Dense, env.max_steps()).expect("a task")).collect();
+    let tasks: Vec<Task> = (0..LANES)
+        .map(|_| Task::new(env, Reward::Dense, env.max_steps()).expect("a task"))
+        .collect();
     let spaces = tasks[0].spaces();
     let mut rng = Seed(0).stream(Stream::Network, 0);
     let mut agent = Agent {
-        policy: GaussianPolicy::new(spaces.observation_dim, &[32, 32], spaces.action_dim, 0.5, &mut rng),
+        policy: GaussianPolicy::new(
+            spaces.observation_dim,
+            &[32, 32],
+            spaces.action_dim,
+            0.5,
+            &mut rng,
+        ),
         value: Mlp::new(&[spaces.observation_dim, 32, 32, 1], 0.0, &mut rng),
         normalizer: Normalizer::new(spaces.observation_dim, 10.0),
     };
@@ -106,7 +117,10 @@ fn a_rollout_of_more_steps_allocates_as_often_as_one_of_few() {
                 "{env}, {steps} steps: {allocations} allocations, {episodes} episodes, {of_few} without"
             );
             // Where nothing ends, the number is the same.
-            assert!(episodes > 0 || allocations == of_few, "{env}, {steps} steps: {allocations} instead of {of_few}");
+            assert!(
+                episodes > 0 || allocations == of_few,
+                "{env}, {steps} steps: {allocations} instead of {of_few}"
+            );
         }
     }
 }

@@ -19,43 +19,114 @@ fn refused(arguments: &[&str]) -> String {
 #[test]
 fn what_it_does_not_know_is_refused_with_the_nearest_known_name() {
     let env = refused(&["--env", "HalfCheta-v2", "--algorithm", "ppo"]);
-    assert!(env.contains("the nearest known one is `HalfCheetah-v2`"), "{env}");
+    assert!(
+        env.contains("the nearest known one is `HalfCheetah-v2`"),
+        "{env}"
+    );
     let algorithm = refused(&["--env", "Hopper-v2", "--algorithm", "mpco"]);
     assert!(algorithm.contains("'mcpo'"), "{algorithm}");
-    let key = refused(&["--env", "Hopper-v2", "--algorithm", "ppo", "--set", "rolout.steps=10"]);
+    let key = refused(&[
+        "--env",
+        "Hopper-v2",
+        "--algorithm",
+        "ppo",
+        "--set",
+        "rolout.steps=10",
+    ]);
     assert!(key.contains("`rollout`"), "{key}");
     let nothing = refused(&["--env", "Hopper-v2", "--algorithm", "bc"]);
     assert!(nothing.contains("nothing to measure"), "{nothing}");
-    let file = refused(&["--env", "Hopper-v2", "--algorithm", "mcpo", "--set", "demonstrations=no.parquet"]);
-    assert!(file.contains("no.parquet") && !file.contains("bench.toml"), "a file that nobody wrote: {file}");
-    refused(&["--env", "Hopper-v2", "--algorithm", "ppo", "--iterations", "0"]);
+    let file = refused(&[
+        "--env",
+        "Hopper-v2",
+        "--algorithm",
+        "mcpo",
+        "--set",
+        "demonstrations=no.parquet",
+    ]);
+    assert!(
+        file.contains("no.parquet") && !file.contains("bench.toml"),
+        "a file that nobody wrote: {file}"
+    );
+    refused(&[
+        "--env",
+        "Hopper-v2",
+        "--algorithm",
+        "ppo",
+        "--iterations",
+        "0",
+    ]);
 }
 
-/// No speed is asserted, which is the machine's, but what must hold at every speed. The floor is measured too, so a ratio
-/// above 1 can be noise.
+/// No speed is asserted, which is the machine's, but what must hold at every speed. The floor is
+/// measured too, so a ratio above 1 can be noise.
 #[test]
 fn its_parts_add_up_and_its_speed_is_not_above_the_floors() {
     for algorithm in ["mcpo", "ppo", "gail"] {
         let small = ["rollout.steps=512", "network.hidden=[64]"].map(|set| format!("--set={set}"));
-        let minibatch =
-            format!("--set=algorithms.{algorithm}.{}minibatch=256", if algorithm == "gail" { "trpo." } else { "" });
-        let arguments =
-            ["--json", "--env=Hopper-v2", "--iterations=2", "--algorithm", algorithm, &small[0], &small[1], &minibatch];
-        let output = bench(&arguments).assert().success().get_output().stdout.clone();
+        let minibatch = format!(
+            "--set=algorithms.{algorithm}.{}minibatch=256",
+            if algorithm == "gail" { "trpo." } else { "" }
+        );
+        let arguments = [
+            "--json",
+            "--env=Hopper-v2",
+            "--iterations=2",
+            "--algorithm",
+            algorithm,
+            &small[0],
+            &small[1],
+            &minibatch,
+        ];
+        let output = bench(&arguments)
+            .assert()
+            .success()
+            .get_output()
+            .stdout
+            .clone();
         let measured: Value = serde_json::from_slice(&output).expect("JSON");
-        let number = |value: &Value| value.as_f64().unwrap_or_else(|| panic!("a number in {measured:#}"));
+        let number = |value: &Value| {
+            value
+                .as_f64()
+                .unwrap_or_else(|| panic!("a number in {measured:#}"))
+        };
 
         let ratio = number(&measured["floor_ratio"]);
         assert!(ratio > 0.0 && ratio <= 1.5, "{measured:#}");
-        assert_eq!((number(&measured["env_steps"]), &measured["shapes"]["rollout"]), (1024.0, &Value::from(512)));
+        assert_eq!(
+            (
+                number(&measured["env_steps"]),
+                &measured["shapes"]["rollout"]
+            ),
+            (1024.0, &Value::from(512))
+        );
         let seconds = number(&measured["seconds"]);
         assert!((number(&measured["steps_per_s"]) * seconds / 1024.0 - 1.0).abs() < 1e-9);
-        let sum = |parts: &Value| parts.as_object().expect("parts by name").values().map(number).sum::<f64>();
-        assert!((sum(&measured["phases"]) / seconds - 1.0).abs() < 1e-6, "{measured:#}");
-        assert!(measured["phases"].as_object().expect("parts").values().all(|part| number(part) >= 0.0));
+        let sum = |parts: &Value| {
+            parts
+                .as_object()
+                .expect("parts by name")
+                .values()
+                .map(number)
+                .sum::<f64>()
+        };
+        assert!(
+            (sum(&measured["phases"]) / seconds - 1.0).abs() < 1e-6,
+            "{measured:#}"
+        );
+        assert!(
+            measured["phases"]
+                .as_object()
+                .expect("parts")
+                .values()
+                .all(|part| number(part) >= 0.0)
+        );
         let floor = &measured["floor"];
         let products = number(&floor["product_seconds"]);
-        assert!((sum(&floor["operations"]) / number(&floor["flops_per_s"]) / products - 1.0).abs() < 1e-9);
+        assert!(
+            (sum(&floor["operations"]) / number(&floor["flops_per_s"]) / products - 1.0).abs()
+                < 1e-9
+        );
         assert!(number(&floor["physics_seconds"]) > 0.0);
     }
 }

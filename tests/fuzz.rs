@@ -1,5 +1,5 @@
-//! The targets of `fuzz/`, compiled without the fuzzer, so that none of them falls behind the library; each is shown a few
-//! bytes of its kind.
+//! The targets of `fuzz/`, compiled without the fuzzer, so that none of them falls behind the
+//! library; each is shown a few bytes of its kind.
 
 use std::{collections::BTreeSet, fs, path::PathBuf, sync::LazyLock};
 
@@ -21,7 +21,8 @@ macro_rules! fuzz_target {
 
 /// As in `fuzz/src/lib.rs`.
 pub fn file(bytes: &[u8]) -> PathBuf {
-    static FOLDER: LazyLock<tempfile::TempDir> = LazyLock::new(|| tempfile::tempdir().expect("a folder"));
+    static FOLDER: LazyLock<tempfile::TempDir> =
+        LazyLock::new(|| tempfile::tempdir().expect("a folder"));
     let path = FOLDER.path().join("hostile");
     fs::write(&path, bytes).expect("written");
     path
@@ -51,13 +52,24 @@ targets! {
 fn every_target_is_here_and_in_the_fuzzers_manifest() {
     let files: BTreeSet<String> = fs::read_dir("fuzz/targets")
         .expect("the targets are there")
-        .map(|entry| entry.expect("readable").path().file_stem().expect("a name").to_string_lossy().into_owned())
+        .map(|entry| {
+            entry
+                .expect("readable")
+                .path()
+                .file_stem()
+                .expect("a name")
+                .to_string_lossy()
+                .into_owned()
+        })
         .collect();
     let here = TARGETS.iter().map(|(name, _)| (*name).to_owned()).collect();
     assert_eq!(files, here);
     let manifest = fs::read_to_string("fuzz/Cargo.toml").expect("it is there");
     for name in files {
-        assert!(manifest.contains(&format!("path = \"targets/{name}.rs\"")), "{name}");
+        assert!(
+            manifest.contains(&format!("path = \"targets/{name}.rs\"")),
+            "{name}"
+        );
     }
 }
 
@@ -66,7 +78,14 @@ fn every_target_takes_what_it_is_shown() {
     let table = fs::read("tests/reference/pyarrow_snappy.parquet").expect("it is there");
     let matrix = fs::read("experiments/ci.toml").expect("it is there");
     for (_, run) in TARGETS {
-        for bytes in [&b""[..], b"{}", b"PAR1PAR1", &table, &table[..table.len() / 2], &matrix] {
+        for bytes in [
+            &b""[..],
+            b"{}",
+            b"PAR1PAR1",
+            &table,
+            &table[..table.len() / 2],
+            &matrix,
+        ] {
             run(bytes);
         }
     }

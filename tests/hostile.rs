@@ -1,6 +1,8 @@
-//! Files from strangers: whatever their bytes, a reader gives an answer, and takes no more memory than it says.
+//! Files from strangers: whatever their bytes, a reader gives an answer, and takes no more memory
+//! than it says.
 //!
-//! What `fuzz/` does for hours, in seconds: random bytes, and files of every kind with bytes changed, cut and repeated.
+//! What `fuzz/` does for hours, in seconds: random bytes, and files of every kind with bytes
+//! changed, cut and repeated.
 
 use std::{
     alloc::{GlobalAlloc, Layout, System},
@@ -26,8 +28,8 @@ use mcpo_run::{
 };
 use proptest::prelude::*;
 
-/// More than any reader may hold at once for a file of some kilobytes: a page or an archive's member may unfold to 256 MiB,
-/// and its numbers be kept once more as f64.
+/// More than any reader may hold at once for a file of some kilobytes: a page or an archive's
+/// member may unfold to 256 MiB, and its numbers be kept once more as f64.
 const MOST: usize = 1 << 30;
 
 /// The system's allocator, counting.
@@ -36,7 +38,10 @@ struct Counting;
 static HELD: AtomicUsize = AtomicUsize::new(0);
 static PEAK: AtomicUsize = AtomicUsize::new(0);
 
-#[expect(unsafe_code, reason = "an allocator is unsafe by its trait; this one passes on to the system's")]
+#[expect(
+    unsafe_code,
+    reason = "an allocator is unsafe by its trait; this one passes on to the system's"
+)]
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         let held = HELD.fetch_add(layout.size(), Ordering::Relaxed) + layout.size();
@@ -58,7 +63,9 @@ static ONE: Mutex<()> = Mutex::new(());
 
 /// Lets `read` have a file of `bytes`; a panic or too much memory fails the test.
 fn show(bytes: &[u8], read: impl Fn(&Path)) {
-    let one = ONE.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    let one = ONE
+        .lock()
+        .unwrap_or_else(std::sync::PoisonError::into_inner);
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("hostile");
     fs::write(&path, bytes).expect("written");
@@ -67,7 +74,11 @@ fn show(bytes: &[u8], read: impl Fn(&Path)) {
     read(&path);
     let peak = PEAK.load(Ordering::Relaxed).saturating_sub(before);
     drop(one);
-    assert!(peak < MOST, "{} bytes made a reader hold {peak}", bytes.len());
+    assert!(
+        peak < MOST,
+        "{} bytes made a reader hold {peak}",
+        bytes.len()
+    );
 }
 
 fn demonstration(path: &Path) {
@@ -84,7 +95,10 @@ fn checkpoint(path: &Path) {
 
 /// A checkpoint with this payload, whose digest is right.
 fn sealed(payload: &[u8]) -> Vec<u8> {
-    let head = format!("mcpo-run checkpoint 2\nf\n{}\n", blake3::hash(payload).to_hex());
+    let head = format!(
+        "mcpo-run checkpoint 2\nf\n{}\n",
+        blake3::hash(payload).to_hex()
+    );
     [head.as_bytes(), payload].concat()
 }
 
@@ -108,16 +122,28 @@ fn results(path: &Path) {
 
 fn matrix(path: &Path) {
     let bytes = fs::read(path).expect("it was written");
-    match spec::parse(path, &String::from_utf8_lossy(&bytes), &Overrides::default()) {
+    match spec::parse(
+        path,
+        &String::from_utf8_lossy(&bytes),
+        &Overrides::default(),
+    ) {
         Ok(spec) => drop(plan::plan(&spec)),
         Err(errors) => assert!(!errors.render(true).is_empty()),
     }
 }
 
 /// Everything that reads.
-const READERS: [fn(&Path); 6] = [demonstration, checkpoint, saved_policy, manifest, results, matrix];
+const READERS: [fn(&Path); 6] = [
+    demonstration,
+    checkpoint,
+    saved_policy,
+    manifest,
+    results,
+    matrix,
+];
 
-/// What is done to a file: a byte becomes another, a piece is cut out or repeated, or a number becomes a great one.
+/// What is done to a file: a byte becomes another, a piece is cut out or repeated, or a number
+/// becomes a great one.
 #[derive(Debug, Clone)]
 enum Change {
     Byte(usize, u8),
@@ -136,7 +162,8 @@ fn changes() -> impl Strategy<Value = Vec<Change>> {
     prop::collection::vec(change, 1..6)
 }
 
-/// `whole` after `changes`. Half of the places lie in the first and the last kilobyte, where formats keep their sizes.
+/// `whole` after `changes`. Half of the places lie in the first and the last kilobyte, where
+/// formats keep their sizes.
 fn changed(whole: &[u8], changes: &[Change]) -> Vec<u8> {
     let mut bytes = whole.to_vec();
     for change in changes {
@@ -171,18 +198,44 @@ fn changed(whole: &[u8], changes: &[Change]) -> Vec<u8> {
 
 /// Demonstrations of every kind and compression.
 fn demonstrations() -> Vec<Vec<u8>> {
-    let names = ["import_columns.parquet", "import_d4rl.npz", "import_imitation.npz", "import_protocol2.pkl"];
-    let more = ["import_protocol3.pkl", "import_protocol4.pkl", "pyarrow_plain_gzip.parquet", "pyarrow_snappy.parquet"];
-    let mut paths: Vec<PathBuf> =
-        names.iter().chain(&more).map(|name| Path::new("tests/reference").join(name)).collect();
+    let names = [
+        "import_columns.parquet",
+        "import_d4rl.npz",
+        "import_imitation.npz",
+        "import_protocol2.pkl",
+    ];
+    let more = [
+        "import_protocol3.pkl",
+        "import_protocol4.pkl",
+        "pyarrow_plain_gzip.parquet",
+        "pyarrow_snappy.parquet",
+    ];
+    let mut paths: Vec<PathBuf> = names
+        .iter()
+        .chain(&more)
+        .map(|name| Path::new("tests/reference").join(name))
+        .collect();
     paths.push("tests/reference/pyarrow_v2_zstd.parquet".into());
     paths.push("experiments/demos/MountainCarContinuous-v0.parquet".into());
-    paths.into_iter().map(|path| fs::read(path).expect("it is there")).collect()
+    paths
+        .into_iter()
+        .map(|path| fs::read(path).expect("it is there"))
+        .collect()
 }
 
 fn stamp() -> Stamp {
-    let (spec, build) = (serde_json::json!({ "id": "a/b" }), Build::current(serde_json::Value::Null));
-    Stamp { spec, fingerprint: "f".to_owned(), demonstration: None, demonstrated: None, build, origin: None }
+    let (spec, build) = (
+        serde_json::json!({ "id": "a/b" }),
+        Build::current(serde_json::Value::Null),
+    );
+    Stamp {
+        spec,
+        fingerprint: "f".to_owned(),
+        demonstration: None,
+        demonstrated: None,
+        build,
+        origin: None,
+    }
 }
 
 /// The bytes of what `write` writes.
@@ -195,13 +248,31 @@ fn written(write: impl Fn(&Path)) -> Vec<u8> {
 
 /// A checkpoint's payload.
 fn a_checkpoint() -> Vec<u8> {
-    let episode =
-        EvaluationEpisode { env_steps: 1, last: true, episode: 2, dense_return: 0.5, training_return: 1.0, length: 7 };
-    let checkpoint =
-        Checkpoint { state: vec![7; 300], evaluations: vec![episode; 3], seconds: 2.0, ..Checkpoint::default() };
+    let episode = EvaluationEpisode {
+        env_steps: 1,
+        last: true,
+        episode: 2,
+        dense_return: 0.5,
+        training_return: 1.0,
+        length: 7,
+    };
+    let checkpoint = Checkpoint {
+        state: vec![7; 300],
+        evaluations: vec![episode; 3],
+        seconds: 2.0,
+        ..Checkpoint::default()
+    };
     let whole = written(|path| checkpoint.write(path, "f").expect("written"));
-    let payload = (0..whole.len()).filter(|&at| whole[at] == b'\n').nth(2).expect("its head has three lines") + 1;
-    assert_eq!(sealed(&whole[payload..]), whole, "the test's seal is not the program's");
+    let payload = (0..whole.len())
+        .filter(|&at| whole[at] == b'\n')
+        .nth(2)
+        .expect("its head has three lines")
+        + 1;
+    assert_eq!(
+        sealed(&whole[payload..]),
+        whole,
+        "the test's seal is not the program's"
+    );
     whole[payload..].to_vec()
 }
 
@@ -242,7 +313,9 @@ fn a_table() -> Vec<u8> {
         rollout_seconds: 0.25,
         update_seconds: 0.5,
     };
-    written(|path| rows::write_progress(path, &keys, &stamp(), &vec![row.clone(); 20]).expect("written"))
+    written(|path| {
+        rows::write_progress(path, &keys, &stamp(), &vec![row.clone(); 20]).expect("written")
+    })
 }
 
 proptest! {
@@ -334,8 +407,12 @@ fn names_that_lead_outside_are_told_in_the_file() {
         let text = format!(
             "name = 'x'\nbudget.env_steps = 100_000\n[[matrix]]\nseed = [0]\nenv = ['{env}']\nalgorithm = ['ppo']\n"
         );
-        let errors = spec::parse(Path::new("x.toml"), &text, &Overrides::default()).expect_err("no environment");
-        assert!(errors.to_string().contains("unknown environment"), "{errors}");
+        let errors = spec::parse(Path::new("x.toml"), &text, &Overrides::default())
+            .expect_err("no environment");
+        assert!(
+            errors.to_string().contains("unknown environment"),
+            "{errors}"
+        );
     }
 }
 
@@ -347,29 +424,57 @@ fn a_few_bytes_that_unfold_to_much_are_bounded() {
         part.write_all(&bytes.repeat(count)).expect("in memory");
         part.finish().expect("in memory")
     };
-    // Objects without end; marks; tuples of a memo's object; a list that takes up what was put on the stack.
-    for (head, repeated) in
-        [("\u{80}\u{2}", "N"), ("\u{80}\u{2}", "("), ("\u{80}\u{2}N", "\u{85}"), ("\u{80}\u{2}]", "(NNNNNNNe")]
-    {
-        let latin1 = |text: &str| text.chars().map(|c| u32::from(c) as u8).collect::<Vec<u8>>();
-        let whole = [latin1(head), latin1(repeated).repeat((1 << 26) / repeated.len())].concat();
+    // Objects without end; marks; tuples of a memo's object; a list that takes up what was put on
+    // the stack.
+    for (head, repeated) in [
+        ("\u{80}\u{2}", "N"),
+        ("\u{80}\u{2}", "("),
+        ("\u{80}\u{2}N", "\u{85}"),
+        ("\u{80}\u{2}]", "(NNNNNNNe"),
+    ] {
+        let latin1 = |text: &str| {
+            text.chars()
+                .map(|c| u32::from(c) as u8)
+                .collect::<Vec<u8>>()
+        };
+        let whole = [
+            latin1(head),
+            latin1(repeated).repeat((1 << 26) / repeated.len()),
+        ]
+        .concat();
         show(&unfolds_to(&whole, 1), demonstration);
     }
     // Zeros: twice what a file may unfold to.
     show(&unfolds_to(&[0; 1 << 20], 256), demonstration);
     // A truth value a byte in an archive, which becomes eight.
     let header = "{'descr': '|b1', 'fortran_order': False, 'shape': (120000000, 1), }";
-    let mut npy = [b"\x93NUMPY\x01\x00", &(header.len() as u16).to_le_bytes()[..], header.as_bytes()].concat();
+    let mut npy = [
+        b"\x93NUMPY\x01\x00",
+        &(header.len() as u16).to_le_bytes()[..],
+        header.as_bytes(),
+    ]
+    .concat();
     npy.resize(npy.len() + 120_000_000, 0);
     let mut deflated = flate2::write::DeflateEncoder::new(Vec::new(), flate2::Compression::fast());
     deflated.write_all(&npy).expect("in memory");
     let deflated = deflated.finish().expect("in memory");
-    let sizes = [deflated.len() as u32, npy.len() as u32].map(u32::to_le_bytes).concat();
+    let sizes = [deflated.len() as u32, npy.len() as u32]
+        .map(u32::to_le_bytes)
+        .concat();
     let name = b"actions.npy";
-    let common = [&[20, 0, 0, 0, 8, 0], &[0; 8][..], &sizes, &(name.len() as u16).to_le_bytes(), &[0, 0]].concat();
+    let common = [
+        &[20, 0, 0, 0, 8, 0],
+        &[0; 8][..],
+        &sizes,
+        &(name.len() as u16).to_le_bytes(),
+        &[0, 0],
+    ]
+    .concat();
     let file = [b"PK\x03\x04", &common[..], name, &deflated].concat();
     let entry = [b"PK\x01\x02\x14\x00", &common[..], &[0; 14], name].concat();
-    let place = [entry.len() as u32, file.len() as u32].map(u32::to_le_bytes).concat();
+    let place = [entry.len() as u32, file.len() as u32]
+        .map(u32::to_le_bytes)
+        .concat();
     let end = [b"PK\x05\x06\0\0\0\0\x01\x00\x01\x00", &place[..], &[0, 0]].concat();
     show(&[file, entry, end].concat(), demonstration);
 }
@@ -378,14 +483,19 @@ fn a_few_bytes_that_unfold_to_much_are_bounded() {
 fn a_small_table_of_many_rows_is_refused() {
     use polars::prelude::{Column, DataFrame, DataType, ParquetWriter};
     let height = 40_000_000;
-    let columns = ["iteration", "env_steps"].map(|name| Column::full_null(name.into(), height, &DataType::UInt64));
+    let columns = ["iteration", "env_steps"]
+        .map(|name| Column::full_null(name.into(), height, &DataType::UInt64));
     let mut frame = DataFrame::new(height, columns.to_vec()).expect("a frame");
     let mut bytes = Vec::new();
-    ParquetWriter::new(&mut bytes).finish(&mut frame).expect("in memory");
+    ParquetWriter::new(&mut bytes)
+        .finish(&mut frame)
+        .expect("in memory");
     assert!(bytes.len() < 1 << 21, "no small file: {}", bytes.len());
     show(&bytes, |path| {
         results(path);
-        let error = rows::read_numbers(path, progress::COLUMNS).expect_err("too much").to_string();
+        let error = rows::read_numbers(path, progress::COLUMNS)
+            .expect_err("too much")
+            .to_string();
         assert!(error.contains("40000000 rows"), "{error}");
     });
 }

@@ -1,7 +1,7 @@
 //! Ten thousand recorded runs: what `plan`, `status` and `report` take of time and memory on them.
 //!
-//! `cargo test --release --test many -- --ignored --nocapture` writes them (some minutes, 2 GB in the temporary folder) and prints the
-//! figures that `experiments/scaling.md` shows.
+//! `cargo test --release --test many -- --ignored --nocapture` writes them (some minutes, 2 GB in
+//! the temporary folder) and prints the figures that `experiments/scaling.md` shows.
 
 use std::{
     fs,
@@ -32,7 +32,8 @@ const SETTINGS: &str = r#"
 const MOST_SECONDS: f64 = 10.0;
 const MOST_MIB: u64 = 1000;
 
-/// Writes the tables that `run` would have left: a row an iteration, two episodes every 20,000 steps and 50 at the end.
+/// Writes the tables that `run` would have left: a row an iteration, two episodes every 20,000
+/// steps and 50 at the end.
 fn write_tables(run: &Planned) {
     let (steps, every) = (run.spec.trained_steps(), run.spec.rollout.steps.get());
     let seed = run.spec.seed.0 as f64;
@@ -69,16 +70,25 @@ fn write_tables(run: &Planned) {
         length: 1000,
     };
     let under_way = (0..steps / 20_000).flat_map(|n| [0, 1].map(|k| episode(n * 20_000, false, k)));
-    let evaluations: Vec<EvaluationEpisode> = under_way.chain((0..50).map(|k| episode(steps, true, k))).collect();
+    let evaluations: Vec<EvaluationEpisode> = under_way
+        .chain((0..50).map(|k| episode(steps, true, k)))
+        .collect();
 
     let folder = &run.paths.complete;
     let keys = rows::Keys::from(&run.spec);
-    rows::write_progress(&RunPaths::progress(folder), &keys, &run.stamp, &iterations).expect("written");
-    rows::write_evaluations(&RunPaths::evaluations(folder), &keys, &run.stamp, &evaluations).expect("written");
+    rows::write_progress(&RunPaths::progress(folder), &keys, &run.stamp, &iterations)
+        .expect("written");
+    rows::write_evaluations(
+        &RunPaths::evaluations(folder),
+        &keys,
+        &run.stamp,
+        &evaluations,
+    )
+    .expect("written");
 }
 
-/// Writes what `run` would have left, with the tables of `like`, the first seed of its setting: numbers of its own would take minutes to
-/// write and as long to read.
+/// Writes what `run` would have left, with the tables of `like`, the first seed of its setting:
+/// numbers of its own would take minutes to write and as long to read.
 fn record(run: &Planned, like: &Planned) {
     let (folder, other) = (&run.paths.complete, &like.paths.complete);
     fs::create_dir_all(folder).expect("made");
@@ -92,8 +102,16 @@ fn record(run: &Planned, like: &Planned) {
     let tables = Some(TableDigests::of(folder).expect("there"));
     let steps = run.spec.trained_steps();
     let (outcome, seconds) = (Outcome::Finished, 100.0);
-    let manifest = Manifest { env_steps: steps, seconds, tables, outcome, ..Manifest::new(run.stamp.clone()) };
-    manifest.write(&RunPaths::manifest(folder)).expect("written");
+    let manifest = Manifest {
+        env_steps: steps,
+        seconds,
+        tables,
+        outcome,
+        ..Manifest::new(run.stamp.clone())
+    };
+    manifest
+        .write(&RunPaths::manifest(folder))
+        .expect("written");
 }
 
 /// Files and bytes under `folder`, and the most entries of one folder.
@@ -116,17 +134,31 @@ fn size(folder: &Path) -> (u64, u64, u64) {
 fn measured(arguments: &[&str], folder: &Path) -> (f64, f64, u64) {
     let began = Instant::now();
     let mut program = Command::new(env!("CARGO_BIN_EXE_mcpo-run"));
-    program.args(arguments).current_dir(folder).stdout(Stdio::null());
+    program
+        .args(arguments)
+        .current_dir(folder)
+        .stdout(Stdio::null());
     let mut child = program.spawn().expect("it starts");
     let (mut seconds, mut mib) = (0.0, 0);
     let status = loop {
         let process = format!("/proc/{}", child.id());
         let peak = fs::read_to_string(format!("{process}/status")).unwrap_or_default();
-        let peak = peak.lines().find_map(|line| line.strip_prefix("VmHWM:")?.trim().split(' ').next()?.parse().ok());
+        let peak = peak.lines().find_map(|line| {
+            line.strip_prefix("VmHWM:")?
+                .trim()
+                .split(' ')
+                .next()?
+                .parse()
+                .ok()
+        });
         mib = peak.map_or(mib, |kib: u64| mib.max(kib >> 10));
         let times = fs::read_to_string(format!("{process}/stat")).unwrap_or_default();
-        let times: Vec<f64> =
-            times.split_whitespace().skip(13).take(2).filter_map(|field| field.parse().ok()).collect();
+        let times: Vec<f64> = times
+            .split_whitespace()
+            .skip(13)
+            .take(2)
+            .filter_map(|field| field.parse().ok())
+            .collect();
         seconds = times.iter().sum::<f64>().max(seconds * 100.0) / 100.0; // a tick is 10 ms
         match child.try_wait().expect("it can be waited for") {
             Some(status) => break status,
@@ -137,7 +169,8 @@ fn measured(arguments: &[&str], folder: &Path) -> (f64, f64, u64) {
     (began.elapsed().as_secs_f64(), seconds, mib)
 }
 
-/// Records `10_000 / 250 * seeds` runs and measures the commands on them; gives the worst of the processor's seconds and MiB.
+/// Records `10_000 / 250 * seeds` runs and measures the commands on them; gives the worst of the
+/// processor's seconds and MiB.
 #[expect(clippy::print_stderr, reason = "the figures are what it is for")]
 fn measure(seeds: u64) -> (f64, u64) {
     let folder = tempfile::tempdir().expect("a folder");
@@ -159,7 +192,11 @@ fn measure(seeds: u64) -> (f64, u64) {
         setting.iter().for_each(|run| record(run, &setting[0]));
     }
     let (files, bytes, entries) = size(&results);
-    eprintln!("{} runs: {files} files, {} MB, at most {entries} entries in a folder", runs.len(), bytes / 1_000_000);
+    eprintln!(
+        "{} runs: {files} files, {} MB, at most {entries} entries in a folder",
+        runs.len(),
+        bytes / 1_000_000
+    );
     eprintln!("| command | seconds | of the processor | MiB |\n|---|---:|---:|---:|");
     let mut worst = (0.0_f64, 0);
     for command in ["plan", "status", "report"] {
@@ -174,12 +211,18 @@ fn measure(seeds: u64) -> (f64, u64) {
 #[ignore = "writes ten thousand runs"]
 fn ten_thousand_runs_take_seconds_and_less_than_a_gigabyte() {
     let (seconds, mib) = measure(250);
-    assert!(seconds < MOST_SECONDS && mib < MOST_MIB, "{seconds} s, {mib} MiB");
+    assert!(
+        seconds < MOST_SECONDS && mib < MOST_MIB,
+        "{seconds} s, {mib} MiB"
+    );
 }
 
 #[test]
 fn a_few_hundred_runs_take_a_share_of_that() {
     let (seconds, mib) = measure(5);
     // A fiftieth of the runs may take a tenth of the time, which what does not grow is part of.
-    assert!(seconds < MOST_SECONDS / 10.0 && mib < MOST_MIB / 2, "{seconds} s, {mib} MiB");
+    assert!(
+        seconds < MOST_SECONDS / 10.0 && mib < MOST_MIB / 2,
+        "{seconds} s, {mib} MiB"
+    );
 }

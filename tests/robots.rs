@@ -26,7 +26,9 @@ fn planned(folder: &Path, env: &str, tables: &str) -> Result<Vec<RunSpec>, SpecE
 
 /// The environment called `Mine` that `table` describes, as a worker reads it.
 fn mine(folder: &Path, table: &str) -> EnvId {
-    let run = planned(folder, "Mine", &format!("[environments.Mine]\n{table}")).expect("a robot").remove(0);
+    let run = planned(folder, "Mine", &format!("[environments.Mine]\n{table}"))
+        .expect("a robot")
+        .remove(0);
     let text = serde_json::to_string(&run).expect("a run can be written");
     let read: RunSpec = serde_json::from_str(&text).expect("and read");
     assert_eq!(read, run);
@@ -37,7 +39,9 @@ fn mine(folder: &Path, table: &str) -> EnvId {
 fn example() -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a folder");
     for file in ["robot.toml", "robot.xml"] {
-        let from = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/robot").join(file);
+        let from = Path::new(env!("CARGO_MANIFEST_DIR"))
+            .join("examples/robot")
+            .join(file);
         fs::copy(from, folder.path().join(file)).expect("it ships");
     }
     folder
@@ -47,17 +51,32 @@ fn example() -> tempfile::TempDir {
 fn trace(env: EnvId) -> Vec<u64> {
     let mut task = Task::new(env, Reward::Dense, 300).expect("a task");
     let mut rng = Seed(5).stream(Stream::Environment, 0);
-    let Spaces { observation_dim, action_dim, action_bound } = task.spaces();
+    let Spaces {
+        observation_dim,
+        action_dim,
+        action_bound,
+    } = task.spaces();
     let mut observation = vec![0.0; observation_dim];
     task.reset(&mut rng, &mut observation);
     let mut bits = Vec::new();
     for step in 0..400 {
         // Small ones beside great ones, so that episodes are long and short.
         let bound = if step / 100 % 2 == 0 { 0.3 } else { 1.5 } * action_bound;
-        let action: Vec<f64> = (0..action_dim).map(|_| rng.random_range(-bound..bound)).collect();
+        let action: Vec<f64> = (0..action_dim)
+            .map(|_| rng.random_range(-bound..bound))
+            .collect();
         let transition = task.step(&action, &mut observation).expect("a step");
-        bits.extend(observation.iter().chain([&transition.reward]).map(|x| x.to_bits()));
-        bits.push(transition.end.map_or(0, |end| 1 + u64::from(end == EpisodeEnd::Truncated)));
+        bits.extend(
+            observation
+                .iter()
+                .chain([&transition.reward])
+                .map(|x| x.to_bits()),
+        );
+        bits.push(
+            transition
+                .end
+                .map_or(0, |end| 1 + u64::from(end == EpisodeEnd::Truncated)),
+        );
         if transition.end.is_some() {
             task.reset(&mut rng, &mut observation);
         }
@@ -75,7 +94,8 @@ fn a_robot_that_is_written_as_one_that_ships_takes_the_same_steps() {
             "InvertedDoublePendulum-v2" => "inverted_double_pendulum".to_owned(),
             _ => env.family().to_lowercase(),
         };
-        let text = fs::read_to_string(source.join(format!("src/env/robots/{table}.toml"))).expect("it ships");
+        let text = fs::read_to_string(source.join(format!("src/env/robots/{table}.toml")))
+            .expect("it ships");
         let own = mine(&source.join("third_party/models"), &text);
         assert!(own != env && own.is_own(), "{env}");
         assert_eq!(own.spaces(), env.spaces(), "{env}");
@@ -95,7 +115,11 @@ fn mistakes_are_told_where_they_are() {
         assert!(text.contains(from) || model.contains(from), "{from}");
         fs::write(folder.path().join("robot.xml"), model.replace(from, to)).expect("written");
         let path = folder.path().join("robot.toml");
-        let changed = if model.contains(from) { text.clone() } else { text.replace(from, to) };
+        let changed = if model.contains(from) {
+            text.clone()
+        } else {
+            text.replace(from, to)
+        };
         let errors = spec::parse(&path, &changed, &Overrides::default()).expect_err(to);
         errors
             .iter()
@@ -107,31 +131,103 @@ fn mistakes_are_told_where_they_are() {
         (
             "frame_skip ",
             "frame_skpi ",
-            vec!["Some(6) unknown key `frame_skpi`", "the nearest known key is `frame_skip`"],
+            vec![
+                "Some(6) unknown key `frame_skpi`",
+                "the nearest known key is `frame_skip`",
+            ],
         ),
-        ("frame_skip ", "frame_skpi ", vec!["Some(4) the robot `Sled` has no `frame_skip`"]),
-        ("position = 1 }, above", "position = 7 }, above", vec!["Some(9) `alive`: the model has 2 positions, 0 to 1"]),
-        ("above = -0.5, below = 0.5", "above = 0.5, below = -0.5", vec!["Some(9) `alive`: no number is beyond 0.5"]),
-        ("clip = 10", "clip = -1", vec!["Some(7) `observation`: -1 is out of range"]),
-        ("from = 1 } }", "from = 2 } }", vec!["Some(7) `observation`: there are 2 numbers"]),
-        ("forward_velocity", "forward_speed", vec!["Some(8) `dense_reward`: unknown name `forward_speed`"]),
-        ("control_cost = 0.01", "goal_distance = { weight = 1 }", vec!["Some(8) `dense_reward`: it needs a `goal`"]),
-        ("{ position = 1 }", "{ body = { name = 'mats', axis = 'x' } }", vec!["no body `mats`", "`sled`, `mast`"]),
-        ("[\"Sled\"]", "[\"Sledd\"]", vec!["unknown environment `Sledd`", "the nearest known one is `Sled`"]),
-        ("\"distance\"", "{ goal = 0.1 }", vec!["Some(11) `landmark`: it needs a `goal`"]),
-        ("landmark      = \"distance\"", "", vec!["`sparse2` is not a reward", "names no `landmark`"]),
-        ("environments.Sled", "environments.Hopper-v2", vec!["Some(5) `model` cannot be set: Hopper-v2 ships"]),
-        ("\"robot.xml\"", "\"none.xml\"", vec!["Some(5) `model`: cannot read", "none.xml"]),
+        (
+            "frame_skip ",
+            "frame_skpi ",
+            vec!["Some(4) the robot `Sled` has no `frame_skip`"],
+        ),
+        (
+            "position = 1 }, above",
+            "position = 7 }, above",
+            vec!["Some(9) `alive`: the model has 2 positions, 0 to 1"],
+        ),
+        (
+            "above = -0.5, below = 0.5",
+            "above = 0.5, below = -0.5",
+            vec!["Some(9) `alive`: no number is beyond 0.5"],
+        ),
+        (
+            "clip = 10",
+            "clip = -1",
+            vec!["Some(7) `observation`: -1 is out of range"],
+        ),
+        (
+            "from = 1 } }",
+            "from = 2 } }",
+            vec!["Some(7) `observation`: there are 2 numbers"],
+        ),
+        (
+            "forward_velocity",
+            "forward_speed",
+            vec!["Some(8) `dense_reward`: unknown name `forward_speed`"],
+        ),
+        (
+            "control_cost = 0.01",
+            "goal_distance = { weight = 1 }",
+            vec!["Some(8) `dense_reward`: it needs a `goal`"],
+        ),
+        (
+            "{ position = 1 }",
+            "{ body = { name = 'mats', axis = 'x' } }",
+            vec!["no body `mats`", "`sled`, `mast`"],
+        ),
+        (
+            "[\"Sled\"]",
+            "[\"Sledd\"]",
+            vec![
+                "unknown environment `Sledd`",
+                "the nearest known one is `Sled`",
+            ],
+        ),
+        (
+            "\"distance\"",
+            "{ goal = 0.1 }",
+            vec!["Some(11) `landmark`: it needs a `goal`"],
+        ),
+        (
+            "landmark      = \"distance\"",
+            "",
+            vec!["`sparse2` is not a reward", "names no `landmark`"],
+        ),
+        (
+            "environments.Sled",
+            "environments.Hopper-v2",
+            vec!["Some(5) `model` cannot be set: Hopper-v2 ships"],
+        ),
+        (
+            "\"robot.xml\"",
+            "\"none.xml\"",
+            vec!["Some(5) `model`: cannot read", "none.xml"],
+        ),
         (
             "name=\"lean\"",
             "nme=\"lean\"",
-            vec!["Some(9) MuJoCo refuses the model of `Sled`", "unrecognized attribute: 'nme'"],
+            vec![
+                "Some(9) MuJoCo refuses the model of `Sled`",
+                "unrecognized attribute: 'nme'",
+            ],
         ),
-        ("ctrlrange=\"-1 1\"", "ctrlrange=\"0 1\"", vec!["`actions`: actuator 0", "write `actions = \"scaled\"`"]),
-        ("ctrlrange=\"-1 1\"", "", vec!["`actions`: actuator 0, counted from 0, has no `ctrlrange`"]),
+        (
+            "ctrlrange=\"-1 1\"",
+            "ctrlrange=\"0 1\"",
+            vec!["`actions`: actuator 0", "write `actions = \"scaled\"`"],
+        ),
+        (
+            "ctrlrange=\"-1 1\"",
+            "",
+            vec!["`actions`: actuator 0, counted from 0, has no `ctrlrange`"],
+        ),
     ] {
         let told = told(from, to);
-        assert!(expected.iter().all(|part| told.contains(part)), "{to}: {told}");
+        assert!(
+            expected.iter().all(|part| told.contains(part)),
+            "{to}: {told}"
+        );
     }
 }
 
@@ -139,8 +235,9 @@ fn mistakes_are_told_where_they_are() {
 fn a_mesh_beside_the_model_is_found_and_known_again() {
     let folder = tempfile::tempdir().expect("a folder");
     let mesh = folder.path().join("meshes/stone.obj");
-    let stone =
-        |height: f64| format!("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 {height}\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n");
+    let stone = |height: f64| {
+        format!("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 {height}\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n")
+    };
     fs::create_dir(folder.path().join("meshes")).expect("made");
     fs::write(&mesh, stone(1.0)).expect("written");
     let model = "<mujoco><compiler meshdir='meshes'/><asset><mesh name='stone' file='stone.obj'/></asset><worldbody>\
@@ -150,12 +247,23 @@ fn a_mesh_beside_the_model_is_found_and_known_again() {
     let table = "model = 'stone.xml'\nframe_skip = 1\nactions = 'scaled'\nobservation = [{ positions = {} }, \
                  { velocities = {} }]\ndense_reward = [{ forward_velocity = 1.0 }]\n";
     let first = mine(folder.path(), table);
-    assert_eq!(first.spaces().map(|spaces| (spaces.observation_dim, spaces.action_bound)), Some((2, 1.0)));
+    assert_eq!(
+        first
+            .spaces()
+            .map(|spaces| (spaces.observation_dim, spaces.action_bound)),
+        Some((2, 1.0))
+    );
     assert_eq!(mine(folder.path(), table), first, "the same robot");
 
     fs::write(&mesh, stone(2.0)).expect("written");
-    let error = Task::new(first, Reward::Dense, 9).err().expect("another mesh").to_string();
-    assert!(error.contains("stone.obj, which the model needs, is not what it was"), "{error}");
+    let error = Task::new(first, Reward::Dense, 9)
+        .err()
+        .expect("another mesh")
+        .to_string();
+    assert!(
+        error.contains("stone.obj, which the model needs, is not what it was"),
+        "{error}"
+    );
     let second = mine(folder.path(), table);
     assert_ne!(second.model_digest(), first.model_digest());
     assert!(second != first && second.name() == first.name());
@@ -177,13 +285,21 @@ fn a_scaled_action_reaches_the_whole_range_of_its_actuator() {
         let mut velocity = [0.0];
         task.reset(&mut Seed(0).stream(Stream::Environment, 0), &mut velocity);
         task.step(&[action], &mut velocity).expect("a step");
-        assert!((velocity[0] - 0.002 * force).abs() < 1e-12, "{action}: {velocity:?}");
+        assert!(
+            (velocity[0] - 0.002 * force).abs() < 1e-12,
+            "{action}: {velocity:?}"
+        );
     }
 }
 
 /// The versions that a fingerprint of a run in `env` holds.
 fn versions(env: EnvId) -> Versions {
-    Versions { revisions: [].into(), env: env.revision(), mujoco: None, model: env.model_digest() }
+    Versions {
+        revisions: [].into(),
+        env: env.revision(),
+        mujoco: None,
+        model: env.model_digest(),
+    }
 }
 
 #[test]
@@ -191,21 +307,49 @@ fn a_run_s_fingerprint_holds_its_own_robot_alone() {
     let folder = example();
     let print = |run: &RunSpec| run.fingerprint(None, &versions(run.env));
     let text = fs::read_to_string(folder.path().join("robot.toml")).expect("it was copied");
-    let table = text.split("[[matrix]]").next().and_then(|head| head.split_once("\n\n")).expect("a table").1.to_owned();
-    let of = |table: &str| planned(folder.path(), "Sled", table).expect("a robot").remove(0);
+    let table = text
+        .split("[[matrix]]")
+        .next()
+        .and_then(|head| head.split_once("\n\n"))
+        .expect("a table")
+        .1
+        .to_owned();
+    let of = |table: &str| {
+        planned(folder.path(), "Sled", table)
+            .expect("a robot")
+            .remove(0)
+    };
     let run = of(&table);
     assert_eq!(print(&of(&table)), print(&run));
-    assert_ne!(print(&of(&table.replace("= 2\n", "= 3\n"))), print(&run), "the table counts");
+    assert_ne!(
+        print(&of(&table.replace("= 2\n", "= 3\n"))),
+        print(&run),
+        "the table counts"
+    );
 
-    let hopper = |tables| planned(folder.path(), "Hopper-v2", tables).expect("it ships").remove(0);
-    assert_eq!(print(&hopper(&table)), print(&hopper("")), "a robot changes no other run");
+    let hopper = |tables| {
+        planned(folder.path(), "Hopper-v2", tables)
+            .expect("it ships")
+            .remove(0)
+    };
+    assert_eq!(
+        print(&hopper(&table)),
+        print(&hopper("")),
+        "a robot changes no other run"
+    );
 
     // Elsewhere it is the same robot, and with another model it is another one.
     let elsewhere = example();
-    let there = |table: &str| planned(elsewhere.path(), "Sled", table).expect("a robot").remove(0);
+    let there = |table: &str| {
+        planned(elsewhere.path(), "Sled", table)
+            .expect("a robot")
+            .remove(0)
+    };
     assert_eq!(print(&there(&table)), print(&run));
     let model = elsewhere.path().join("robot.xml");
-    let changed = fs::read_to_string(&model).expect("it was copied").replace("density=\"500\"", "density=\"400\"");
+    let changed = fs::read_to_string(&model)
+        .expect("it was copied")
+        .replace("density=\"500\"", "density=\"400\"");
     fs::write(&model, changed).expect("written");
     assert_ne!(print(&there(&table)), print(&run), "the model counts");
 }
@@ -214,44 +358,76 @@ fn a_run_s_fingerprint_holds_its_own_robot_alone() {
 fn what_is_recorded_needs_neither_file() {
     let folder = example();
     let program = |arguments: &[&str]| {
-        let output = Command::new(env!("CARGO_BIN_EXE_mcpo-run")).args(arguments).current_dir(folder.path()).output();
+        let output = Command::new(env!("CARGO_BIN_EXE_mcpo-run"))
+            .args(arguments)
+            .current_dir(folder.path())
+            .output();
         let output = output.expect("it starts");
-        let text = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
+        let text = String::from_utf8_lossy(&output.stdout).into_owned()
+            + &String::from_utf8_lossy(&output.stderr);
         assert!(output.status.success(), "{arguments:?}: {text}");
         text
     };
-    let small = ["--set", "budget.env_steps=2048", "--only", "env=Sled,algorithm=ppo,seed=0", "--quiet"];
+    let small = [
+        "--set",
+        "budget.env_steps=2048",
+        "--only",
+        "env=Sled,algorithm=ppo,seed=0",
+        "--quiet",
+    ];
     program(&[&["run", "robot.toml"], &small[..]].concat());
     let run = "results/robot/runs/Sled/ppo-reward=dense/seed-0";
     assert!(folder.path().join(run).join("run.json").is_file());
     fs::remove_file(folder.path().join("robot.xml")).expect("removed");
     fs::remove_file(folder.path().join("robot.toml")).expect("removed");
     let text = program(&["reproduce", run]);
-    assert!(text.contains("to the bit") || text.contains("reproduced"), "{text}");
+    assert!(
+        text.contains("to the bit") || text.contains("reproduced"),
+        "{text}"
+    );
 }
 
 #[test]
 fn the_documentation_says_what_the_program_does() {
     let source = Path::new(env!("CARGO_MANIFEST_DIR"));
     let text = fs::read_to_string(source.join("experiments/environments.md")).expect("it is there");
-    let blocks: Vec<&str> =
-        text.split("```toml\n").skip(1).map(|block| block.split("```").next().unwrap_or_default()).collect();
+    let blocks: Vec<&str> = text
+        .split("```toml\n")
+        .skip(1)
+        .map(|block| block.split("```").next().unwrap_or_default())
+        .collect();
     let path = source.join("examples/robot/documented.toml");
-    spec::parse(&path, blocks[0], &Overrides::default()).expect("the first example is a matrix file");
+    spec::parse(&path, blocks[0], &Overrides::default())
+        .expect("the first example is a matrix file");
     let hopper = fs::read_to_string(source.join("src/env/robots/hopper.toml")).expect("it ships");
     assert_eq!(blocks[1], hopper);
 
     let schema = schemars_of_robot();
     for key in schema["properties"].as_object().expect("keys").keys() {
-        assert!(text.contains(&format!("\n| `{key}` |")), "no row of `{key}`");
+        assert!(
+            text.contains(&format!("\n| `{key}` |")),
+            "no row of `{key}`"
+        );
     }
     for env in EnvId::shipped() {
         let spaces = env.spaces().expect("a model that loads");
-        let reward = toml::Value::try_from(env.default_reward()).expect("a reward").to_string();
-        let row = text.lines().find(|line| line.starts_with(&format!("| `{env}`"))).expect("a row");
+        let reward = toml::Value::try_from(env.default_reward())
+            .expect("a reward")
+            .to_string();
+        let row = text
+            .lines()
+            .find(|line| line.starts_with(&format!("| `{env}`")))
+            .expect("a row");
         let columns = format!("| {} | {} | `", spaces.observation_dim, spaces.action_dim);
-        let kind = reward.trim_matches(['{', ' ', '"']).split(['"', ' ']).next().unwrap_or_default();
-        assert!(row.contains(&columns) && row.contains(kind), "{row}: {columns}{reward}");
+        let kind = reward
+            .trim_matches(['{', ' ', '"'])
+            .split(['"', ' '])
+            .next()
+            .unwrap_or_default();
+        assert!(
+            row.contains(&columns) && row.contains(kind),
+            "{row}: {columns}{reward}"
+        );
     }
 }
 
@@ -267,7 +443,11 @@ struct Corridor {
 
 impl Environment for Corridor {
     fn spaces(&self) -> Spaces {
-        Spaces { observation_dim: 1, action_dim: 1, action_bound: 1.0 }
+        Spaces {
+            observation_dim: 1,
+            action_dim: 1,
+            action_bound: 1.0,
+        }
     }
 
     fn reset(&mut self, rng: &mut Rng, observation: &mut [f64]) {
@@ -278,7 +458,10 @@ impl Environment for Corridor {
     fn step(&mut self, action: &[f64], observation: &mut [f64]) -> Result<Outcome, EnvError> {
         self.advance(action)?;
         observation[0] = self.position;
-        Ok(Outcome { reward: self.position, terminated: self.position > 3.0 })
+        Ok(Outcome {
+            reward: self.position,
+            terminated: self.position > 3.0,
+        })
     }
 
     fn advance(&mut self, action: &[f64]) -> Result<(), EnvError> {
@@ -291,7 +474,10 @@ impl Environment for Corridor {
     }
 
     fn pose(&self) -> Pose {
-        Pose { qpos: vec![self.position], qvel: vec![] }
+        Pose {
+            qpos: vec![self.position],
+            qvel: vec![],
+        }
     }
 
     fn set_pose(&mut self, pose: &Pose, observation: &mut [f64]) -> Result<(), EnvError> {
@@ -313,7 +499,9 @@ impl Environment for Corridor {
 #[test]
 fn an_environment_that_the_crate_does_not_know_is_learned() {
     let corridor = || Box::new(Corridor { position: 0.0 });
-    let tasks: Vec<Task> = (0..4).map(|_| Task::from_environment("Corridor", corridor(), Reward::Dense, 50)).collect();
+    let tasks: Vec<Task> = (0..4)
+        .map(|_| Task::from_environment("Corridor", corridor(), Reward::Dense, 50))
+        .collect();
     let mut rng = Seed(0).stream(Stream::Network, 0);
     let agent = Agent {
         policy: GaussianPolicy::new(1, &[16], 1, 0.5, &mut rng),
@@ -327,10 +515,18 @@ fn an_environment_that_the_crate_does_not_know_is_learned() {
     let mut updates = Seed(0).stream(Stream::Update, 0);
     let mut returns = Vec::new();
     for _ in 0..15 {
-        let collected = rollout.collect(algorithm.agent_mut(), 250).expect("a corridor cannot fail");
-        let sum: f64 = collected.episodes.iter().map(|episode| episode.dense_return).sum();
+        let collected = rollout
+            .collect(algorithm.agent_mut(), 250)
+            .expect("a corridor cannot fail");
+        let sum: f64 = collected
+            .episodes
+            .iter()
+            .map(|episode| episode.dense_return)
+            .sum();
         returns.push(sum / collected.episodes.len() as f64);
-        algorithm.update(&collected.batch, &mut updates).expect("an update");
+        algorithm
+            .update(&collected.batch, &mut updates)
+            .expect("an update");
     }
     let (first, last) = (returns[0], returns[14]);
     assert!(last > first + 10.0, "it learns to go forward: {returns:?}");

@@ -1,10 +1,11 @@
-//! The constrained problem as a user of the library meets it: random problems of every case, against optima found
-//! without the dual.
+//! The constrained problem as a user of the library meets it: random problems of every case,
+//! against optima found without the dual.
 //!
-//! In the coordinates `y = L^T x` of a Cholesky factor `H = L L^T` the quadratic constraint is a ball, so the least of a
-//! linear function over ball and half-space is either where the function is least on the sphere, or on the circle where
-//! boundary and sphere meet: two points to compare in the plane of both vectors. A sweep of that plane and random points
-//! of the whole ball, neither of which knows this, guard the reasoning.
+//! In the coordinates `y = L^T x` of a Cholesky factor `H = L L^T` the quadratic constraint is a
+//! ball, so the least of a linear function over ball and half-space is either where the function is
+//! least on the sphere, or on the circle where boundary and sphere meet: two points to compare in
+//! the plane of both vectors. A sweep of that plane and random points of the whole ball, neither of
+//! which knows this, guard the reasoning.
 
 use mcpo_run::solver::{
     self, LinearConstraint, LinearOperator,
@@ -35,7 +36,8 @@ fn uniform(rng: &mut impl Rng) -> f64 {
 }
 
 impl Problem {
-    /// A problem in 1 to 6 dimensions; the boundary lies at `distance` times the ball's radius from the origin.
+    /// A problem in 1 to 6 dimensions; the boundary lies at `distance` times the ball's radius from
+    /// the origin.
     fn random(rng: &mut impl Rng, distance: f64) -> Self {
         let n = rng.random_range(1..=6);
         let entry = |i: usize, j: usize, rng: &mut _| match i.cmp(&j) {
@@ -43,10 +45,18 @@ impl Problem {
             std::cmp::Ordering::Equal => 10f64.powf(uniform(rng)),
             std::cmp::Ordering::Greater => uniform(rng),
         };
-        let factor: Matrix = (0..n).map(|i| (0..n).map(|j| entry(i, j, rng)).collect()).collect();
+        let factor: Matrix = (0..n)
+            .map(|i| (0..n).map(|j| entry(i, j, rng)).collect())
+            .collect();
         let g: Vector = (0..n).map(|_| uniform(rng)).collect();
         let b: Vector = (0..n).map(|_| uniform(rng)).collect();
-        let mut problem = Self { factor, g, b, slack: 0.0, radius: 10f64.powf(3.0 * uniform(rng)) };
+        let mut problem = Self {
+            factor,
+            g,
+            b,
+            slack: 0.0,
+            radius: 10f64.powf(3.0 * uniform(rng)),
+        };
         problem.place(distance);
         problem
     }
@@ -75,32 +85,48 @@ impl Problem {
         let n = v.len();
         let mut x = self.in_ball(v);
         for i in (0..n).rev() {
-            x[i] = (x[i] - (i + 1..n).map(|k| self.factor[k][i] * x[k]).sum::<f64>()) / self.factor[i][i];
+            x[i] = (x[i] - (i + 1..n).map(|k| self.factor[k][i] * x[k]).sum::<f64>())
+                / self.factor[i][i];
         }
         x
     }
 
     fn quadratic(&self, x: &[f64]) -> f64 {
         let n = x.len();
-        let y: Vector = (0..n).map(|j| (j..n).map(|i| self.factor[i][j] * x[i]).sum()).collect();
+        let y: Vector = (0..n)
+            .map(|j| (j..n).map(|i| self.factor[i][j] * x[i]).sum())
+            .collect();
         dot(&y, &y) / 2.0
     }
 
     fn scalars(&self) -> DualProblem {
         let (u, w) = (self.inverse(&self.g), self.inverse(&self.b));
         let (q, r, s) = (dot(&self.g, &u), dot(&self.g, &w), dot(&self.b, &w));
-        DualProblem { q, r, s, slack: self.slack, radius: self.radius }
+        DualProblem {
+            q,
+            r,
+            s,
+            slack: self.slack,
+            radius: self.radius,
+        }
     }
 
     /// The step that a solution stands for, or `None`.
     fn step(&self, solution: &DualSolution) -> Option<Vector> {
         let (alpha, beta) = solution.coefficients()?;
         let (u, w) = (self.inverse(&self.g), self.inverse(&self.b));
-        let x: Vector = u.iter().zip(&w).map(|(u, w)| alpha * u + beta * w).collect();
+        let x: Vector = u
+            .iter()
+            .zip(&w)
+            .map(|(u, w)| alpha * u + beta * w)
+            .collect();
         if let Some((lambda, nu)) = solution.multipliers() {
             for ((x, u), w) in x.iter().zip(&u).zip(&w) {
                 let from_multipliers = -(u + nu * w) / lambda;
-                assert!((x - from_multipliers).abs() <= 1e-9 * (x.abs() + (u / lambda).abs()), "{solution:?}");
+                assert!(
+                    (x - from_multipliers).abs() <= 1e-9 * (x.abs() + (u / lambda).abs()),
+                    "{solution:?}"
+                );
             }
         }
         Some(x)
@@ -116,7 +142,8 @@ impl Problem {
         }
     }
 
-    /// The least `g.x`, by the candidates of the module's docs, where a point satisfies both constraints.
+    /// The least `g.x`, by the candidates of the module's docs, where a point satisfies both
+    /// constraints.
     fn optimum(&self) -> f64 {
         let ((g1, g2), boundary, reach) = (self.plane(), self.boundary(), self.reach());
         let length = g1.hypot(g2);
@@ -131,13 +158,27 @@ impl Problem {
     fn plane(&self) -> (f64, f64) {
         let (g, b) = (self.in_ball(&self.g), self.in_ball(&self.b));
         let length = dot(&b, &b).sqrt();
-        let along = if length > 0.0 { dot(&g, &b) / length } else { 0.0 };
-        let across: Vector =
-            g.iter().zip(&b).map(|(g, b)| if length > 0.0 { g - along * b / length } else { *g }).collect();
+        let along = if length > 0.0 {
+            dot(&g, &b) / length
+        } else {
+            0.0
+        };
+        let across: Vector = g
+            .iter()
+            .zip(&b)
+            .map(|(g, b)| {
+                if length > 0.0 {
+                    g - along * b / length
+                } else {
+                    *g
+                }
+            })
+            .collect();
         (along, dot(&across, &across).sqrt())
     }
 
-    /// Checks that the solution's step is feasible and as good as the optimum, and returns the solution.
+    /// Checks that the solution's step is feasible and as good as the optimum, and returns the
+    /// solution.
     fn check(&self, rng: &mut impl Rng) -> DualSolution {
         let solution = solve(&self.scalars());
         let (g, b, reach) = (self.in_ball(&self.g), self.in_ball(&self.b), self.reach());
@@ -145,16 +186,32 @@ impl Problem {
         // A ball that only touches the half-space may count as either.
         let touching = 1e-12 * reach;
         let Some(x) = self.step(&solution) else {
-            assert!(self.boundary() <= -reach + touching, "{solution:?} for {:?}", self.scalars());
+            assert!(
+                self.boundary() <= -reach + touching,
+                "{solution:?} for {:?}",
+                self.scalars()
+            );
             return solution;
         };
-        assert!(self.boundary() >= -reach - touching, "{solution:?} for {:?}", self.scalars());
+        assert!(
+            self.boundary() >= -reach - touching,
+            "{solution:?} for {:?}",
+            self.scalars()
+        );
         // The step is a difference; where g and b are nearly parallel, of large numbers.
         let (alpha, beta) = solution.coefficients().expect("a step was found");
         let lost = 1e-13 * (alpha * dot(&g, &g).sqrt()).hypot(beta * dot(&b, &b).sqrt()) / reach;
         let (found, linear) = (dot(&self.g, &x), dot(&self.b, &x));
-        assert!(linear <= self.slack + (1e-9 + lost) * b_range, "half-space: {solution:?} for {:?}", self.scalars());
-        assert!(self.quadratic(&x) <= self.radius * (1.0 + 1e-9), "ball: {solution:?} for {:?}", self.scalars());
+        assert!(
+            linear <= self.slack + (1e-9 + lost) * b_range,
+            "half-space: {solution:?} for {:?}",
+            self.scalars()
+        );
+        assert!(
+            self.quadratic(&x) <= self.radius * (1.0 + 1e-9),
+            "ball: {solution:?} for {:?}",
+            self.scalars()
+        );
         let optimum = self.optimum();
         assert!(
             (found - optimum).abs() <= 1e-6 * g_range,
@@ -166,13 +223,19 @@ impl Problem {
         for turn in 0..400 {
             let (sine, cosine) = (f64::from(turn) * std::f64::consts::TAU / 400.0).sin_cos();
             let feasible = reach * b1 * cosine <= self.slack;
-            assert!(!feasible || reach * (g1 * cosine + g2 * sine) >= found - 1e-9 * g_range, "{solution:?}");
+            assert!(
+                !feasible || reach * (g1 * cosine + g2 * sine) >= found - 1e-9 * g_range,
+                "{solution:?}"
+            );
         }
         for _ in 0..40 {
             let direction: Vector = g.iter().map(|_| uniform(rng)).collect();
             let scale = reach * rng.random_range(0.0..1.0) / dot(&direction, &direction).sqrt();
             let y: Vector = direction.iter().map(|d| scale * d).collect();
-            assert!(dot(&b, &y) > self.slack || dot(&g, &y) >= found - 1e-9 * g_range, "{solution:?}");
+            assert!(
+                dot(&b, &y) > self.slack || dot(&g, &y) >= found - 1e-9 * g_range,
+                "{solution:?}"
+            );
         }
         solution
     }
@@ -230,7 +293,11 @@ fn infeasible() {
 
 #[test]
 fn without_a_direction_of_the_constraint() {
-    for (name, slack) in [("degenerate_b", 0.0), ("degenerate_b", 0.3), ("infeasible", -0.3)] {
+    for (name, slack) in [
+        ("degenerate_b", 0.0),
+        ("degenerate_b", 0.3),
+        ("infeasible", -0.3),
+    ] {
         check_until(name, |rng| {
             let mut problem = Problem::random(rng, 0.0);
             problem.b.fill(0.0);
@@ -255,7 +322,11 @@ fn gradients_that_are_parallel_or_nearly() {
     let parallel = |rng: &mut ChaCha8Rng, distances| {
         let mut problem = anywhere(rng, distances);
         let (factor, off) = (uniform(rng), 10f64.powf(rng.random_range(-18.0..-3.0)));
-        problem.b = problem.g.iter().map(|g| factor * g + off * uniform(rng)).collect();
+        problem.b = problem
+            .g
+            .iter()
+            .map(|g| factor * g + off * uniform(rng))
+            .collect();
         let reach = (2.0 * problem.radius).sqrt();
         problem.place(problem.slack / reach);
         problem
@@ -285,29 +356,59 @@ impl LinearOperator for Products {
 
     fn apply(&mut self, x: &[f32], product: &mut [f32]) {
         let n = x.len();
-        let transposed: Vector = (0..n).map(|j| (j..n).map(|i| self.0[i][j] * f64::from(x[i])).sum()).collect();
-        product.iter_mut().zip(&self.0).for_each(|(p, row)| *p = dot(row, &transposed) as f32);
+        let transposed: Vector = (0..n)
+            .map(|j| (j..n).map(|i| self.0[i][j] * f64::from(x[i])).sum())
+            .collect();
+        product
+            .iter_mut()
+            .zip(&self.0)
+            .for_each(|(p, row)| *p = dot(row, &transposed) as f32);
     }
 }
 
 #[test]
 fn the_constrained_step_is_the_optimum_within_f32() {
     let mut rng = rng();
-    let limits = Limits { iterations: 60, relative_residual: 1e-7 };
+    let limits = Limits {
+        iterations: 60,
+        relative_residual: 1e-7,
+    };
     for _ in 0..PROBLEMS {
         let problem = anywhere(&mut rng, -0.9..1.2);
         let single = |v: &[f64]| v.iter().map(|&x| x as f32).collect::<Vec<f32>>();
         let (g, b) = (single(&problem.g), single(&problem.b));
-        let constraint = LinearConstraint { gradient: &b, slack: problem.slack };
+        let constraint = LinearConstraint {
+            gradient: &b,
+            slack: problem.slack,
+        };
         let mut hessian = Products(problem.factor.clone());
-        let found = solver::constrained_step(&mut hessian, &g, Some(constraint), problem.radius, limits);
+        let found =
+            solver::constrained_step(&mut hessian, &g, Some(constraint), problem.radius, limits);
         let optimum = problem.optimum();
         let range = (2.0 * problem.radius * problem.scalars().q).sqrt();
-        // Condition numbers reach 1e4 here, and where the chord is short the objective goes with the root of an error.
-        assert!((found.objective_change - optimum).abs() < 0.01 * range, "{found:?} but {optimum}");
-        let x: Vector = found.step.expect("a step").as_slice().iter().map(|&x| f64::from(x)).collect();
+        // Condition numbers reach 1e4 here, and where the chord is short the objective goes with
+        // the root of an error.
+        assert!(
+            (found.objective_change - optimum).abs() < 0.01 * range,
+            "{found:?} but {optimum}"
+        );
+        let x: Vector = found
+            .step
+            .expect("a step")
+            .as_slice()
+            .iter()
+            .map(|&x| f64::from(x))
+            .collect();
         let reach = (2.0 * problem.radius * problem.scalars().s).sqrt();
-        assert!(dot(&problem.b, &x) <= problem.slack + 1e-3 * reach, "{:?}", found.solution);
-        assert!(problem.quadratic(&x) <= 1.02 * problem.radius, "{:?}", found.solution);
+        assert!(
+            dot(&problem.b, &x) <= problem.slack + 1e-3 * reach,
+            "{:?}",
+            found.solution
+        );
+        assert!(
+            problem.quadratic(&x) <= 1.02 * problem.radius,
+            "{:?}",
+            found.solution
+        );
     }
 }

@@ -24,9 +24,15 @@ const RUN: &str = "InvertedPendulum-v2/ppo/seed-0";
 /// What `verify` with `arguments` says in `folder`; its exit code must be `code`.
 fn verify(folder: &Path, code: i32, arguments: &[&str]) -> String {
     let mut command = Command::cargo_bin("mcpo-run").expect("the binary is built");
-    command.current_dir(folder).args(["verify", "one.toml", "--against", "record"]).args(arguments);
+    command
+        .current_dir(folder)
+        .args(["verify", "one.toml", "--against", "record"])
+        .args(arguments);
     let output = command.output().expect("it starts");
-    let (stdout, stderr) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    let (stdout, stderr) = (
+        String::from_utf8_lossy(&output.stdout),
+        String::from_utf8_lossy(&output.stderr),
+    );
     assert_eq!(output.status.code(), Some(code), "{stdout}\n{stderr}");
     stdout.into_owned()
 }
@@ -46,8 +52,14 @@ fn a_run_of_the_record_that_fails_now_is_told_with_its_cause() {
     // What takes the policy's place makes the run fail when all of its numbers are there.
     fs::create_dir_all(RunPaths::policy(&paths.partial)).expect("made");
     let stdout = verify(folder.path(), 4, &["--results", "now"]);
-    assert!(stdout.starts_with(&format!("{RUN}: failed: cannot write ")), "{stdout}");
-    assert!(stdout.contains("policy.safetensors") && stdout.contains("0 of 1 runs are as recorded"), "{stdout}");
+    assert!(
+        stdout.starts_with(&format!("{RUN}: failed: cannot write ")),
+        "{stdout}"
+    );
+    assert!(
+        stdout.contains("policy.safetensors") && stdout.contains("0 of 1 runs are as recorded"),
+        "{stdout}"
+    );
 }
 
 /// Runs that a test may change.
@@ -58,20 +70,31 @@ fn recorded(folder: &Path, name: &str) -> std::path::PathBuf {
 #[test]
 fn a_damaged_table_of_the_record_is_told_with_its_run_with_its_digest_or_without() {
     let folder = with_record();
-    let (path, table) = (recorded(folder.path(), "run.json"), recorded(folder.path(), "evaluations.parquet"));
+    let (path, table) = (
+        recorded(folder.path(), "run.json"),
+        recorded(folder.path(), "evaluations.parquet"),
+    );
     let whole = fs::read(&table).expect("readable");
     verify(folder.path(), 0, &["--results", "now"]);
     let told = |bytes: &[u8]| {
         fs::write(&table, bytes).expect("written");
         let stdout = verify(folder.path(), 4, &["--results", "now"]);
-        assert!(stdout.starts_with(&format!("{RUN}: ")) && stdout.contains("evaluations.parquet"), "{stdout}");
+        assert!(
+            stdout.starts_with(&format!("{RUN}: ")) && stdout.contains("evaluations.parquet"),
+            "{stdout}"
+        );
         stdout
     };
     let mut changed = whole.clone();
     changed[whole.len() / 2] ^= 1;
     assert!(told(&changed).contains("is damaged: it is not what was recorded"));
     let manifest = Manifest::read(&path).expect("readable").expect("there");
-    Manifest { tables: None, ..manifest }.write(&path).expect("written");
+    Manifest {
+        tables: None,
+        ..manifest
+    }
+    .write(&path)
+    .expect("written");
     assert!(told(&whole[..whole.len() / 2]).contains("is not a table of results"));
     fs::write(&table, &whole).expect("written");
     verify(folder.path(), 0, &["--results", "now"]);
@@ -89,13 +112,25 @@ fn links_and_pipes_in_a_record_are_refused_and_end() {
         let path = recorded(folder.path(), name);
         let aside = path.with_extension("aside");
         fs::rename(&path, &aside).expect("renamed");
-        let pipe = || std::process::Command::new("mkfifo").arg(&path).status().map(|_| ()).expect("mkfifo is there");
-        let places: [&dyn Fn(); 3] =
-            [&|| symlink("/dev/zero", &path).expect("linked"), &|| symlink(&aside, &path).expect("linked"), &pipe];
+        let pipe = || {
+            std::process::Command::new("mkfifo")
+                .arg(&path)
+                .status()
+                .map(|_| ())
+                .expect("mkfifo is there")
+        };
+        let places: [&dyn Fn(); 3] = [
+            &|| symlink("/dev/zero", &path).expect("linked"),
+            &|| symlink(&aside, &path).expect("linked"),
+            &pipe,
+        ];
         for make in places {
             make();
             let stdout = verify(folder.path(), 4, &["--results", "now"]);
-            assert!(stdout.starts_with(&format!("{RUN}: ")) && stdout.contains(name), "{stdout}");
+            assert!(
+                stdout.starts_with(&format!("{RUN}: ")) && stdout.contains(name),
+                "{stdout}"
+            );
             fs::remove_file(&path).expect("made");
         }
         fs::rename(&aside, &path).expect("renamed");
@@ -107,8 +142,16 @@ fn a_run_that_failed_when_it_was_recorded_and_does_not_now_is_told() {
     let folder = with_record();
     let path = RunPaths::manifest(&folder.path().join("record/runs").join(RUN));
     let mut manifest = Manifest::read(&path).expect("readable").expect("there");
-    manifest.outcome = Outcome::Failed { error: "out of memory".into(), log_tail: vec!["begins".into()] };
+    manifest.outcome = Outcome::Failed {
+        error: "out of memory".into(),
+        log_tail: vec!["begins".into()],
+    };
     manifest.write(&path).expect("written");
     let stdout = verify(folder.path(), 4, &[]);
-    assert!(stdout.starts_with(&format!("{RUN}: recorded as failed (out of memory), but finished now\n")), "{stdout}");
+    assert!(
+        stdout.starts_with(&format!(
+            "{RUN}: recorded as failed (out of memory), but finished now\n"
+        )),
+        "{stdout}"
+    );
 }

@@ -1,7 +1,7 @@
 //! Learning from a discriminator's reward beside the task's: what POfD and GAIL share.
 //!
-//! Owns one iteration of it: one update of the discriminator, new rewards for the batch, one update of the policy. Knows
-//! nothing of how the policy is updated. Start at [`Adversarial`].
+//! Owns one iteration of it: one update of the discriminator, new rewards for the batch, one update
+//! of the policy. Knows nothing of how the policy is updated. Start at [`Adversarial`].
 
 use super::{
     Agent, AlgoError, Batch, OnPolicy, Update,
@@ -12,7 +12,11 @@ use super::{
 use crate::{quantity::Count, rng::Rng};
 
 /// Raise its revision when what this file computes changes.
-pub static PART: Part = Part { name: "adversarial", revision: 1, uses: &[&discriminator::PART] };
+pub static PART: Part = Part {
+    name: "adversarial",
+    revision: 1,
+    uses: &[&discriminator::PART],
+};
 
 /// An algorithm whose rewards are `task r - imitation log D(s, a)`.
 pub struct Adversarial {
@@ -30,7 +34,12 @@ impl Adversarial {
     /// The rewards of `batch` that are trained on `[n]`.
     pub(super) fn rewards(&mut self, batch: &Batch) -> Vec<f64> {
         let imitation = self.discriminator.imitation_rewards(batch);
-        batch.rewards.iter().zip(imitation).map(|(r, imitation)| self.task * r + self.imitation * imitation).collect()
+        batch
+            .rewards
+            .iter()
+            .zip(imitation)
+            .map(|(r, imitation)| self.task * r + self.imitation * imitation)
+            .collect()
     }
 }
 
@@ -44,9 +53,17 @@ impl OnPolicy for Adversarial {
     }
 
     fn update(&mut self, batch: &Batch, rng: &mut Rng) -> Result<Update, AlgoError> {
-        let loss = self.discriminator.update(batch, &self.inner.agent().normalizer)?;
-        let relabelled = Batch { rewards: self.rewards(batch), ..batch.clone() };
-        Ok(Update { discriminator_loss: Some(loss), ..self.inner.update(&relabelled, rng)? })
+        let loss = self
+            .discriminator
+            .update(batch, &self.inner.agent().normalizer)?;
+        let relabelled = Batch {
+            rewards: self.rewards(batch),
+            ..batch.clone()
+        };
+        Ok(Update {
+            discriminator_loss: Some(loss),
+            ..self.inner.update(&relabelled, rng)?
+        })
     }
 
     fn save(&self) -> Vec<u8> {
@@ -54,15 +71,30 @@ impl OnPolicy for Adversarial {
     }
 
     fn restore(&mut self, state: &[u8]) -> Result<(), AlgoError> {
-        let (discriminator, inner): (Vec<u8>, Vec<u8>) = super::from_bytes("the adversarial method", state)?;
+        let (discriminator, inner): (Vec<u8>, Vec<u8>) =
+            super::from_bytes("the adversarial method", state)?;
         self.discriminator.restore(&discriminator)?;
         self.inner.restore(&inner)
     }
 }
 
-/// The operations of an update: the discriminator's `updates`, the rewards, and those of the policy's update, `inner`.
-pub(super) fn operations(updates: Count, inner: Vec<Operations>, counter: &Counter<'_>) -> Vec<Operations> {
-    let Counter { n, m, discriminator, .. } = counter;
+/// The operations of an update: the discriminator's `updates`, the rewards, and those of the
+/// policy's update, `inner`.
+pub(super) fn operations(
+    updates: Count,
+    inner: Vec<Operations>,
+    counter: &Counter<'_>,
+) -> Vec<Operations> {
+    let Counter {
+        n,
+        m,
+        discriminator,
+        ..
+    } = counter;
     let updates = updates.get() as f64 * (n + m) * discriminator.forward_and_vjp();
-    [vec![("discriminator", updates + n * discriminator.forward())], inner].concat()
+    [
+        vec![("discriminator", updates + n * discriminator.forward())],
+        inner,
+    ]
+    .concat()
 }

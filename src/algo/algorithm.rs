@@ -1,6 +1,7 @@
 //! One of the algorithms with its hyperparameters, whatever their type.
 //!
-//! Owns the form that matrices and records give it, `{ "mcpo": { "d": 0.001, ... } }`, and hands everything else to its
+//! Owns the form that matrices and records give it, `{ "mcpo": { "d": 0.001, ... } }`, and hands
+//! everything else to its
 //! [`Definition`]. Start at [`Algorithm`].
 
 use std::{collections::BTreeMap, fmt, sync::Arc};
@@ -41,7 +42,10 @@ pub trait Entry: Sync {
     /// # Errors
     ///
     /// A key is missing, unknown or out of range, with its place in the document.
-    fn read(&'static self, document: toml::de::Deserializer<'_>) -> Result<Algorithm, toml::de::Error>;
+    fn read(
+        &'static self,
+        document: toml::de::Deserializer<'_>,
+    ) -> Result<Algorithm, toml::de::Error>;
 
     /// The algorithm with the hyperparameters in `value`.
     ///
@@ -64,7 +68,10 @@ impl<H: Tunable> Entry for Definition<H> {
         generator.into_root_schema_for::<H>().to_value()
     }
 
-    fn read(&'static self, document: toml::de::Deserializer<'_>) -> Result<Algorithm, toml::de::Error> {
+    fn read(
+        &'static self,
+        document: toml::de::Deserializer<'_>,
+    ) -> Result<Algorithm, toml::de::Error> {
         H::deserialize(document).map(|hyperparameters| self.with(hyperparameters))
     }
 
@@ -76,7 +83,10 @@ impl<H: Tunable> Entry for Definition<H> {
 impl<H: Tunable> Definition<H> {
     /// The algorithm with these hyperparameters.
     pub fn with(&'static self, hyperparameters: H) -> Algorithm {
-        Algorithm(Arc::new(Tuned { definition: self, hyperparameters }))
+        Algorithm(Arc::new(Tuned {
+            definition: self,
+            hyperparameters,
+        }))
     }
 }
 
@@ -125,7 +135,8 @@ impl Algorithm {
         toml::Table::from_iter([(name.to_owned(), toml::Value::Table(table))]).try_into()
     }
 
-    /// The behaviour cloning that its agent goes through before the first rollout; `None` where there is none.
+    /// The behaviour cloning that its agent goes through before the first rollout; `None` where
+    /// there is none.
     pub fn cloning(&self) -> Option<&cloning::Hyperparameters> {
         self.0.cloning()
     }
@@ -168,15 +179,19 @@ impl<H: Tunable> Configured for Tuned<H> {
     }
 
     fn json(&self) -> Json {
-        serde_json::to_value(&self.hyperparameters).expect("hyperparameters are tables of numbers, names and lists")
+        serde_json::to_value(&self.hyperparameters)
+            .expect("hyperparameters are tables of numbers, names and lists")
     }
 
     fn toml(&self) -> toml::Table {
-        toml::Table::try_from(&self.hyperparameters).expect("hyperparameters are tables of numbers, names and lists")
+        toml::Table::try_from(&self.hyperparameters)
+            .expect("hyperparameters are tables of numbers, names and lists")
     }
 
     fn cloning(&self) -> Option<&cloning::Hyperparameters> {
-        self.definition.cloning.map(|cloning| cloning(&self.hyperparameters))
+        self.definition
+            .cloning
+            .map(|cloning| cloning(&self.hyperparameters))
     }
 
     fn start(&self, start: Start) -> Result<Learner, AlgoError> {
@@ -225,13 +240,20 @@ impl<'de> de::Visitor<'de> for Tagged {
     }
 
     fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Algorithm, A::Error> {
-        let name: String = map.next_key()?.ok_or_else(|| A::Error::invalid_length(0, &self))?;
+        let name: String = map
+            .next_key()?
+            .ok_or_else(|| A::Error::invalid_length(0, &self))?;
         let unknown = || {
             let names: Vec<String> = Algorithm::names().map(|name| format!("`{name}`")).collect();
-            A::Error::custom(format!("unknown algorithm `{name}`, expected one of {}", names.join(", ")))
+            A::Error::custom(format!(
+                "unknown algorithm `{name}`, expected one of {}",
+                names.join(", ")
+            ))
         };
         let entry = catalogue::find(&name).ok_or_else(unknown)?;
-        let algorithm = entry.read_json(map.next_value()?).map_err(A::Error::custom)?;
+        let algorithm = entry
+            .read_json(map.next_value()?)
+            .map_err(A::Error::custom)?;
         match map.next_key::<String>()? {
             Some(_) => Err(A::Error::invalid_length(2, &self)),
             None => Ok(algorithm),

@@ -11,7 +11,8 @@ pub struct Batch {
     pub observations: DMatrix<f32>,
     /// The same as the environments gave them `[observation_dim x n]`.
     pub raw_observations: DMatrix<f64>,
-    /// The policy's mean actions `[action_dim x n]`; the same bits as its forward pass on `observations` gives.
+    /// The policy's mean actions `[action_dim x n]`; the same bits as its forward pass on
+    /// `observations` gives.
     pub means: DMatrix<f32>,
     /// Actions as sampled around them, unclamped `[action_dim x n]`.
     pub actions: DMatrix<f32>,
@@ -35,7 +36,8 @@ pub struct Segment {
 pub enum SegmentEnd {
     /// Not at all: the episode terminated, and its return is complete.
     Terminated,
-    /// Further, had the time limit or the rollout's end not cut it: the value of the next state stands in for the rest.
+    /// Further, had the time limit or the rollout's end not cut it: the value of the next state
+    /// stands in for the rest.
     Bootstrapped {
         /// The normalised observation after the last action `[observation_dim]`.
         last_observation: Vec<f32>,

@@ -1,14 +1,19 @@
 //! All algorithms: those of this crate, and those that a program of one's own adds.
 //!
-//! Owns the list. Knows nothing of what an algorithm is: that is its [`Definition`](super::definition::Definition). Start at
+//! Owns the list. Knows nothing of what an algorithm is: that is its
+//! [`Definition`](super::definition::Definition). Start at
 //! [`all`]; a program of one's own calls [`register`], and then [`cli::main`](crate::cli::main).
 
 use std::sync::OnceLock;
 
-use super::{About, Algorithm, Entry, cloning, gail, mcpo, mmd_il, penalty, pofd, ppo, pretraining, random, trpo};
+use super::{
+    About, Algorithm, Entry, cloning, gail, mcpo, mmd_il, penalty, pofd, ppo, pretraining, random,
+    trpo,
+};
 use crate::env::EnvId;
 
-/// This crate's, in the order in which messages list them and in which figures give out looks: append only.
+/// This crate's, in the order in which messages list them and in which figures give out looks:
+/// append only.
 static BUILT_IN: [&dyn Entry; 11] = [
     &mcpo::MCPO,
     &ppo::PPO,
@@ -36,16 +41,20 @@ pub enum RegisterError {
     #[error("there is an algorithm called `{0}` already")]
     Taken(&'static str),
     /// A name that matrices, folders and records could not all hold.
-    #[error("`{0}` cannot be the name of an algorithm: expected lower-case letters, digits and `_`, a letter first")]
+    #[error(
+        "`{0}` cannot be the name of an algorithm: expected lower-case letters, digits and `_`, a letter first"
+    )]
     Name(&'static str),
 }
 
-/// Adds algorithms to the catalogue, for this process: matrices, the schema, `plan`, `bench`, training and reports know them
-/// like those of this crate. Call it once, first thing in `main`, which workers run too.
+/// Adds algorithms to the catalogue, for this process: matrices, the schema, `plan`, `bench`,
+/// training and reports know them like those of this crate. Call it once, first thing in `main`,
+/// which workers run too.
 ///
 /// # Errors
 ///
-/// A name is taken or malformed, or the catalogue was read or added to before; nothing is added then.
+/// A name is taken or malformed, or the catalogue was read or added to before; nothing is added
+/// then.
 pub fn register(added: &[&'static dyn Entry]) -> Result<(), RegisterError> {
     let mut known: Vec<&str> = BUILT_IN.iter().map(|entry| entry.about().name).collect();
     for name in added.iter().map(|entry| entry.about().name) {
@@ -63,7 +72,9 @@ pub fn register(added: &[&'static dyn Entry]) -> Result<(), RegisterError> {
 
 /// Every algorithm, this crate's first.
 pub fn all() -> impl Iterator<Item = &'static dyn Entry> {
-    BUILT_IN.into_iter().chain(ADDED.get_or_init(Vec::new).iter().copied())
+    BUILT_IN
+        .into_iter()
+        .chain(ADDED.get_or_init(Vec::new).iter().copied())
 }
 
 /// The algorithm called `name`; `None` when there is none of that name.
@@ -77,20 +88,27 @@ impl Algorithm {
         all().map(|entry| entry.about().name)
     }
 
-    /// The algorithm called `name` with its defaults for `env`; `None` when there is none of that name.
+    /// The algorithm called `name` with its defaults for `env`; `None` when there is none of that
+    /// name.
     pub fn defaults(name: &str, env: EnvId) -> Option<Self> {
         find(name).map(|entry| entry.defaults(env))
     }
 
-    /// The label of the algorithm called `name` in figures and tables; `None` when there is none of that name.
+    /// The label of the algorithm called `name` in figures and tables; `None` when there is none of
+    /// that name.
     pub fn label(name: &str) -> Option<&'static str> {
         find(name).map(|entry| entry.about().label)
     }
 
-    /// The hyperparameters of all algorithms that came after runs of record, as `mcpo.recovery_depth`, each with the value
-    /// under which nothing changes, as JSON.
+    /// The hyperparameters of all algorithms that came after runs of record, as
+    /// `mcpo.recovery_depth`, each with the value under which nothing changes, as JSON.
     pub fn later() -> impl Iterator<Item = (String, &'static str)> {
-        let of = |about: &'static About| about.later.iter().map(|(key, json)| (format!("{}.{key}", about.name), *json));
+        let of = |about: &'static About| {
+            about
+                .later
+                .iter()
+                .map(|(key, json)| (format!("{}.{key}", about.name), *json))
+        };
         all().flat_map(move |entry| of(entry.about()))
     }
 }
@@ -107,7 +125,11 @@ mod tests {
             let again = Algorithm::from_hyperparameters(name, algorithm.hyperparameters());
             assert_eq!(again.expect("defaults are complete"), algorithm);
             let text = serde_json::to_string(&algorithm).expect("JSON");
-            assert_eq!(serde_json::from_str::<Algorithm>(&text).expect("it was written so"), algorithm, "{text}");
+            assert_eq!(
+                serde_json::from_str::<Algorithm>(&text).expect("it was written so"),
+                algorithm,
+                "{text}"
+            );
         }
     }
 
@@ -115,15 +137,31 @@ mod tests {
     #[test]
     fn algorithms_keep_their_places() {
         let names: Vec<&str> = Algorithm::names().collect();
-        let expected =
-            ["mcpo", "ppo", "pretraining", "pofd", "mmd_il", "expert", "random", "trpo", "gail", "bc", "penalty"];
+        let expected = [
+            "mcpo",
+            "ppo",
+            "pretraining",
+            "pofd",
+            "mmd_il",
+            "expert",
+            "random",
+            "trpo",
+            "gail",
+            "bc",
+            "penalty",
+        ];
         assert_eq!(names, expected);
     }
 
     #[test]
     fn nothing_is_added_under_a_name_that_cannot_be_told_from_another_or_too_late() {
-        static CAPITAL: Definition<random::Hyperparameters> =
-            Definition { about: About { name: "Toy", ..random::RANDOM.about }, ..random::RANDOM };
+        static CAPITAL: Definition<random::Hyperparameters> = Definition {
+            about: About {
+                name: "Toy",
+                ..random::RANDOM.about
+            },
+            ..random::RANDOM
+        };
         assert_eq!(register(&[&CAPITAL]), Err(RegisterError::Name("Toy")));
         assert_eq!(register(&[&ppo::PPO]), Err(RegisterError::Taken("ppo")));
         all().for_each(drop);

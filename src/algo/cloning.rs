@@ -1,6 +1,7 @@
 //! Behaviour cloning: supervised learning of the demonstration's actions (Schaal, 1997).
 //!
-//! Owns the regression that pre-training and BC alone share. Knows nothing of what follows it. Start at [`clone_behaviour`].
+//! Owns the regression that pre-training and BC alone share. Knows nothing of what follows it.
+//! Start at [`clone_behaviour`].
 
 use nalgebra::DMatrix;
 use rand::seq::SliceRandom;
@@ -23,7 +24,11 @@ use crate::{
 };
 
 /// Raise its revision when what this file computes changes.
-pub static PART: Part = Part { name: "cloning", revision: 1, uses: &[] };
+pub static PART: Part = Part {
+    name: "cloning",
+    revision: 1,
+    uses: &[],
+};
 
 /// Behaviour cloning alone as an algorithm of the catalogue.
 pub static BC: Definition<Hyperparameters> = Definition {
@@ -42,8 +47,19 @@ pub static BC: Definition<Hyperparameters> = Definition {
     cloning: Some(|hyperparameters| hyperparameters),
     start: |hyperparameters, start| {
         let (agent, demonstration) = start.with_demonstration()?;
-        let cloning_loss = Some(loss_of(hyperparameters.loss, &agent, &demonstration, &mut Pass::default()));
-        Ok(Learner::Offline(agent, Box::new(Update { cloning_loss, ..Update::default() })))
+        let cloning_loss = Some(loss_of(
+            hyperparameters.loss,
+            &agent,
+            &demonstration,
+            &mut Pass::default(),
+        ));
+        Ok(Learner::Offline(
+            agent,
+            Box::new(Update {
+                cloning_loss,
+                ..Update::default()
+            }),
+        ))
     },
     operations: |_, _| Vec::new(),
 };
@@ -56,7 +72,8 @@ pub struct Hyperparameters {
     pub epochs: Count,
     /// Adam's step size.
     pub learning_rate: Positive,
-    /// Samples in a minibatch. The paper's 1024 would be one step an epoch on a demonstration of 1,000.
+    /// Samples in a minibatch. The paper's 1024 would be one step an epoch on a demonstration of
+    /// 1,000.
     pub minibatch: Count,
     /// The loss that is minimised.
     pub loss: Loss,
@@ -66,22 +83,30 @@ pub struct Hyperparameters {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Loss {
-    /// The mean over samples of the squared distance between the mean action and the demonstration's.
+    /// The mean over samples of the squared distance between the mean action and the
+    /// demonstration's.
     Mse,
-    /// The mean negative log-likelihood of the demonstration's actions; learns the standard deviation too.
+    /// The mean negative log-likelihood of the demonstration's actions; learns the standard
+    /// deviation too.
     Nll,
 }
 
 impl Hyperparameters {
     /// The defaults, the same for every environment.
     pub fn for_env(_: EnvId) -> Self {
-        Self { epochs: constant(50), learning_rate: constant(1e-4), minibatch: constant(64), loss: Loss::Mse }
+        Self {
+            epochs: constant(50),
+            learning_rate: constant(1e-4),
+            minibatch: constant(64),
+            loss: Loss::Mse,
+        }
     }
 }
 
-/// Trains `agent`'s policy on `demonstration`, in units of the demonstration's own mean and deviation, which its normaliser
-/// then keeps. The value network is left as it is: a demonstration holds no sparse returns.
-/// Calls `epoch` with the loss (over the whole demonstration) after each epoch.
+/// Trains `agent`'s policy on `demonstration`, in units of the demonstration's own mean and
+/// deviation, which its normaliser then keeps. The value network is left as it is: a demonstration
+/// holds no sparse returns. Calls `epoch` with the loss (over the whole demonstration) after each
+/// epoch.
 ///
 /// # Errors
 ///
@@ -94,7 +119,9 @@ pub fn clone_behaviour(
     mut epoch: impl FnMut(u64, f64, &Agent),
 ) -> Result<(), AlgoError> {
     agent.normalizer = Normalizer::held(&demonstration.observations, agent.normalizer.clip());
-    let observations = agent.normalizer.normalize_columns(&demonstration.observations);
+    let observations = agent
+        .normalizer
+        .normalize_columns(&demonstration.observations);
     let actions = demonstration.actions.map(|action| action as f32);
 
     let mut optimizer = Adam::new(agent.policy.dim());
@@ -115,22 +142,52 @@ pub fn clone_behaviour(
                 &mut pass,
                 Some(&mut gradient),
             );
-            optimizer.step_parts(agent.policy.parts_mut(), &gradient, hyperparameters.learning_rate.get());
+            optimizer.step_parts(
+                agent.policy.parts_mut(),
+                &gradient,
+                hyperparameters.learning_rate.get(),
+            );
         }
-        let value = loss(hyperparameters.loss, &agent.policy, &observations, &actions, &mut pass, None);
-        epoch(number, finite("the loss of behaviour cloning", value)?, agent);
+        let value = loss(
+            hyperparameters.loss,
+            &agent.policy,
+            &observations,
+            &actions,
+            &mut pass,
+            None,
+        );
+        epoch(
+            number,
+            finite("the loss of behaviour cloning", value)?,
+            agent,
+        );
     }
     Ok(())
 }
 
 /// The loss of `agent` on all of `demonstration`.
-pub fn loss_of(loss_kind: Loss, agent: &Agent, demonstration: &Demonstration, pass: &mut Pass) -> f64 {
-    let observations = agent.normalizer.normalize_columns(&demonstration.observations);
+pub fn loss_of(
+    loss_kind: Loss,
+    agent: &Agent,
+    demonstration: &Demonstration,
+    pass: &mut Pass,
+) -> f64 {
+    let observations = agent
+        .normalizer
+        .normalize_columns(&demonstration.observations);
     let actions = demonstration.actions.map(|action| action as f32);
-    loss(loss_kind, &agent.policy, &observations, &actions, pass, None)
+    loss(
+        loss_kind,
+        &agent.policy,
+        &observations,
+        &actions,
+        pass,
+        None,
+    )
 }
 
-/// The loss of `policy` on `actions` (`[action_dim x n]`) at normalised `observations`, and its gradient where asked for.
+/// The loss of `policy` on `actions` (`[action_dim x n]`) at normalised `observations`, and its
+/// gradient where asked for.
 fn loss(
     loss: Loss,
     policy: &GaussianPolicy,
@@ -147,13 +204,23 @@ fn loss(
             if let Some(gradient) = gradient {
                 policy.mean_gradient(observations, pass, &(&errors * (2.0 / n as f32)), gradient);
             }
-            errors.iter().map(|&error| f64::from(error).powi(2)).sum::<f64>() / n
+            errors
+                .iter()
+                .map(|&error| f64::from(error).powi(2))
+                .sum::<f64>()
+                / n
         }
         Loss::Nll => {
             let mut densities = vec![0.0; actions.ncols()];
             policy.log_densities(pass.output(), actions, &mut densities);
             if let Some(gradient) = gradient {
-                policy.score(observations, pass, actions, &vec![-1.0 / n; actions.ncols()], gradient);
+                policy.score(
+                    observations,
+                    pass,
+                    actions,
+                    &vec![-1.0 / n; actions.ncols()],
+                    gradient,
+                );
             }
             -densities.iter().sum::<f64>() / n
         }
@@ -179,8 +246,14 @@ mod tests {
         let mut losses = Vec::new();
         let demonstration = one_step::demonstration(200, |s| 0.5 * s - 1.0);
         let mut rng = Seed(0).stream(Stream::Pretraining, 0);
-        clone_behaviour(&hyperparameters, &demonstration, &mut agent, &mut rng, |_, loss, _| losses.push(loss))
-            .expect("finite");
+        clone_behaviour(
+            &hyperparameters,
+            &demonstration,
+            &mut agent,
+            &mut rng,
+            |_, loss, _| losses.push(loss),
+        )
+        .expect("finite");
         (losses, agent)
     }
 
@@ -191,13 +264,19 @@ mod tests {
             assert_eq!(losses.len(), 100);
             let likeness = |agent| one_step::score(agent, |s, a| -(a - 0.5 * s + 1.0).powi(2));
             let (before, after) = (likeness(&one_step::agent(0.5)), likeness(&agent));
-            assert!(before < -1.0 && after > -0.003, "{loss:?}: from {before} to {after}");
+            assert!(
+                before < -1.0 && after > -0.003,
+                "{loss:?}: from {before} to {after}"
+            );
         }
     }
 
     #[test]
     fn only_the_likelihood_learns_the_standard_deviation() {
-        assert_eq!(cloned(Loss::Mse).1.policy.log_std(), one_step::agent(0.5).policy.log_std());
+        assert_eq!(
+            cloned(Loss::Mse).1.policy.log_std(),
+            one_step::agent(0.5).policy.log_std()
+        );
         assert!(cloned(Loss::Nll).1.policy.log_std()[0] < -1.0);
     }
 
@@ -212,12 +291,22 @@ mod tests {
             ..one_step::demonstration(12, |s| s)
         };
         let actions = demonstration.actions.map(|action| action as f32);
-        for (kind, expected) in [(Loss::Mse, &reference.cloning.mse), (Loss::Nll, &reference.cloning.nll)] {
+        for (kind, expected) in [
+            (Loss::Mse, &reference.cloning.mse),
+            (Loss::Nll, &reference.cloning.nll),
+        ] {
             let mut agent = reference.agent(&reference.policy);
             let normalizer = Normalizer::from_columns(&demonstration.observations, 10.0);
             let inputs = normalizer.normalize_columns(&demonstration.observations);
             let mut gradient = vec![f32::NAN; agent.policy.dim()];
-            let got = loss(kind, &agent.policy, &inputs, &actions, &mut Pass::default(), Some(&mut gradient));
+            let got = loss(
+                kind,
+                &agent.policy,
+                &inputs,
+                &actions,
+                &mut Pass::default(),
+                Some(&mut gradient),
+            );
             reference::assert_near(&[got], &[expected.loss], 10.0 * reference::ROUNDING);
             reference::assert_near(&gradient, &expected.gradient, 10.0 * reference::ROUNDING);
 
@@ -229,10 +318,20 @@ mod tests {
             };
             let mut rng = Seed(0).stream(Stream::Pretraining, 0);
             let mut after = f64::NAN;
-            clone_behaviour(&hyperparameters, &demonstration, &mut agent, &mut rng, |_, loss, _| after = loss)
-                .expect("finite");
+            clone_behaviour(
+                &hyperparameters,
+                &demonstration,
+                &mut agent,
+                &mut rng,
+                |_, loss, _| after = loss,
+            )
+            .expect("finite");
             reference::assert_near(&[after], &[expected.loss_after], 10.0 * reference::ROUNDING);
-            reference::assert_near(&agent.policy.parameters(), &expected.after, reference::ROUNDING);
+            reference::assert_near(
+                &agent.policy.parameters(),
+                &expected.after,
+                reference::ROUNDING,
+            );
         }
     }
 
@@ -241,8 +340,13 @@ mod tests {
         let hyperparameters = Hyperparameters::for_env(EnvId::Hopper);
         let demonstration = one_step::demonstration(10, |_| f64::NAN);
         let mut rng = Seed(0).stream(Stream::Pretraining, 0);
-        let result =
-            clone_behaviour(&hyperparameters, &demonstration, &mut one_step::agent(0.5), &mut rng, |_, _, _| {});
+        let result = clone_behaviour(
+            &hyperparameters,
+            &demonstration,
+            &mut one_step::agent(0.5),
+            &mut rng,
+            |_, _, _| {},
+        );
         assert!(matches!(result, Err(AlgoError::Diverged { .. })));
     }
 }

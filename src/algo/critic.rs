@@ -13,7 +13,11 @@ use crate::{
 };
 
 /// Raise its revision when what this file computes changes.
-pub static PART: Part = Part { name: "critic", revision: 1, uses: &[] };
+pub static PART: Part = Part {
+    name: "critic",
+    revision: 1,
+    uses: &[],
+};
 
 /// The value network of a second-order method, and the advantages whose baseline it is.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -65,8 +69,9 @@ pub struct Fit {
     pub minibatch: usize,
     /// Adam's step size.
     pub learning_rate: f64,
-    /// Weight of the sum of squared parameters, taken as decoupled decay (Loshchilov and Hutter, 2019): in Adam's own
-    /// gradient it would wipe out the weights at full step size while a sparse reward gives no other gradient.
+    /// Weight of the sum of squared parameters, taken as decoupled decay (Loshchilov and Hutter,
+    /// 2019): in Adam's own gradient it would wipe out the weights at full step size while a sparse
+    /// reward gives no other gradient.
     pub l2_penalty: f64,
 }
 
@@ -89,11 +94,15 @@ struct Buffers {
 impl Critic {
     /// A critic for `value`, with zero moments.
     pub fn new(value: &Mlp) -> Self {
-        Self { optimizer: Adam::new(value.parameters().len()), buffers: Buffers::default() }
+        Self {
+            optimizer: Adam::new(value.parameters().len()),
+            buffers: Buffers::default(),
+        }
     }
 
-    /// Fits `value` to `returns` (`[n]`) at `observations` (`[observation_dim x n]`) by minibatches of the mean squared error,
-    /// with the L2 penalty. Gives the mean squared error over the last epoch, each minibatch before its step.
+    /// Fits `value` to `returns` (`[n]`) at `observations` (`[observation_dim x n]`) by minibatches
+    /// of the mean squared error, with the L2 penalty. Gives the mean squared error over the last
+    /// epoch, each minibatch before its step.
     ///
     /// # Errors
     ///
@@ -106,7 +115,12 @@ impl Critic {
         fit: Fit,
         rng: &mut Rng,
     ) -> Result<f64, AlgoError> {
-        let Buffers { pass, observations: minibatch, cotangent, gradient } = &mut self.buffers;
+        let Buffers {
+            pass,
+            observations: minibatch,
+            cotangent,
+            gradient,
+        } = &mut self.buffers;
         gradient.resize(value.parameters().len(), 0.0);
         let mut order: Vec<usize> = (0..returns.len()).collect();
         let mut loss = f64::NAN;
@@ -117,15 +131,21 @@ impl Critic {
                 gather(observations, chosen, minibatch);
                 value.forward(minibatch, pass);
                 cotangent.resize_mut(1, chosen.len(), 0.0);
-                for ((cotangent, &prediction), &i) in cotangent.iter_mut().zip(pass.output().iter()).zip(chosen) {
+                for ((cotangent, &prediction), &i) in
+                    cotangent.iter_mut().zip(pass.output().iter()).zip(chosen)
+                {
                     let error = f64::from(prediction) - returns[i];
                     squares += error * error;
                     *cotangent = (2.0 * error / chosen.len() as f64) as f32;
                 }
                 value.vjp(minibatch, pass, cotangent, gradient);
                 let keep = (1.0 - 2.0 * fit.learning_rate * fit.l2_penalty) as f32;
-                value.parameters_mut().iter_mut().for_each(|parameter| *parameter *= keep);
-                self.optimizer.step(value.parameters_mut(), gradient, fit.learning_rate);
+                value
+                    .parameters_mut()
+                    .iter_mut()
+                    .for_each(|parameter| *parameter *= keep);
+                self.optimizer
+                    .step(value.parameters_mut(), gradient, fit.learning_rate);
             }
             loss = finite("the value network's loss", squares / returns.len() as f64)?;
         }
@@ -149,20 +169,39 @@ mod tests {
     use super::*;
     use crate::rng::{Seed, Stream};
 
-    const FIT: Fit = Fit { epochs: 200, minibatch: 64, learning_rate: 3e-3, l2_penalty: 0.0 };
+    const FIT: Fit = Fit {
+        epochs: 200,
+        minibatch: 64,
+        learning_rate: 3e-3,
+        l2_penalty: 0.0,
+    };
 
     fn regression(fit: Fit) -> (f64, Mlp) {
-        let observations = DMatrix::from_fn(2, 256, |row, column| ((row * 256 + column) as f32 * 1.3).sin());
-        let returns: Vec<f64> = observations.column_iter().map(|x| f64::from(x[0] * x[1] + x[0].abs())).collect();
+        let observations = DMatrix::from_fn(2, 256, |row, column| {
+            ((row * 256 + column) as f32 * 1.3).sin()
+        });
+        let returns: Vec<f64> = observations
+            .column_iter()
+            .map(|x| f64::from(x[0] * x[1] + x[0].abs()))
+            .collect();
         let mut value = Mlp::new(&[2, 32, 1], 1.0, &mut Seed(0).stream(Stream::Network, 0));
         let mut critic = Critic::new(&value);
         let mut rng = Seed(0).stream(Stream::Update, 0);
-        (critic.fit(&mut value, &observations, &returns, fit, &mut rng).expect("a finite loss"), value)
+        (
+            critic
+                .fit(&mut value, &observations, &returns, fit, &mut rng)
+                .expect("a finite loss"),
+            value,
+        )
     }
 
     #[test]
     fn a_value_network_learns_a_curved_function_that_its_start_does_not_know() {
-        let (first, _) = regression(Fit { epochs: 1, learning_rate: 1e-9, ..FIT });
+        let (first, _) = regression(Fit {
+            epochs: 1,
+            learning_rate: 1e-9,
+            ..FIT
+        });
         let (last, _) = regression(FIT);
         assert!(first > 0.2 && last < 0.01, "from {first} to {last}");
     }
@@ -170,8 +209,15 @@ mod tests {
     #[test]
     fn the_penalty_shrinks_the_parameters() {
         let norm = |penalty| {
-            let (_, value) = regression(Fit { l2_penalty: penalty, ..FIT });
-            value.parameters().iter().map(|&p| f64::from(p * p)).sum::<f64>()
+            let (_, value) = regression(Fit {
+                l2_penalty: penalty,
+                ..FIT
+            });
+            value
+                .parameters()
+                .iter()
+                .map(|&p| f64::from(p * p))
+                .sum::<f64>()
         };
         assert!(norm(30.0) < 0.5 * norm(0.0));
     }

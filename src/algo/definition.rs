@@ -1,7 +1,8 @@
 //! The form in which an algorithm says what it is, once, beside its code.
 //!
-//! Owns the form of it: a [`Definition`], which each algorithm's file fills in and the [catalogue](super::catalogue) lists.
-//! The matrix format, the schema, training, `plan`'s costs, `bench` and the reports ask it and name no algorithm. Start at
+//! Owns the form of it: a [`Definition`], which each algorithm's file fills in and the
+//! [catalogue](super::catalogue) lists. The matrix format, the schema, training, `plan`'s costs,
+//! `bench` and the reports ask it and name no algorithm. Start at
 //! [`Definition`].
 
 use std::fmt;
@@ -15,15 +16,15 @@ use super::{
 };
 use crate::{demo::Demonstration, env::EnvId, rng::Seed};
 
-/// An algorithm with hyperparameters of the type `H`: a struct, empty where it has none, that refuses unknown fields. Its
-/// fields' documentation is that of the keys in the schema.
+/// An algorithm with hyperparameters of the type `H`: a struct, empty where it has none, that
+/// refuses unknown fields. Its fields' documentation is that of the keys in the schema.
 pub struct Definition<H: 'static> {
     /// Its name, its needs and its costs.
     pub about: About,
     /// The hyperparameters' defaults for an environment.
     pub defaults: fn(EnvId) -> H,
-    /// Behaviour cloning on the demonstration before the first rollout, where there is some; runs that begin alike share the
-    /// cloned agent.
+    /// Behaviour cloning on the demonstration before the first rollout, where there is some; runs
+    /// that begin alike share the cloned agent.
     pub cloning: Option<fn(&H) -> &cloning::Hyperparameters>,
     /// The learner of a run, ready for its first rollout.
     pub start: fn(H, Start) -> Result<Learner, AlgoError>,
@@ -46,14 +47,14 @@ pub struct About {
     pub trains: bool,
     /// Default of `rollout.steps`, the steps of one iteration, where it is not the environment's.
     pub steps: Option<u64>,
-    /// Forward passes of a network, or what takes as long, that one step's sample goes through in an iteration: a guess for
-    /// `plan`, which recorded speeds soon replace.
+    /// Forward passes of a network, or what takes as long, that one step's sample goes through in
+    /// an iteration: a guess for `plan`, which recorded speeds soon replace.
     pub passes: f64,
     /// The part that its numbers depend on; `None` where it computes nothing.
     pub part: Option<&'static Part>,
-    /// Hyperparameters that came after runs of record, each with the value under which nothing changes, as JSON. A run with
-    /// that value has the fingerprint that it had before the key was there, and a record that does not name the key is read as
-    /// if it did.
+    /// Hyperparameters that came after runs of record, each with the value under which nothing
+    /// changes, as JSON. A run with that value has the fingerprint that it had before the key was
+    /// there, and a record that does not name the key is read as if it did.
     pub later: &'static [(&'static str, &'static str)],
 }
 
@@ -74,7 +75,10 @@ impl Start {
     ///
     /// The definition asks for no demonstration.
     pub fn with_demonstration(self) -> Result<(Agent, Demonstration), AlgoError> {
-        Ok((self.agent, self.demonstration.ok_or(AlgoError::NoDemonstration)?))
+        Ok((
+            self.agent,
+            self.demonstration.ok_or(AlgoError::NoDemonstration)?,
+        ))
     }
 }
 
@@ -82,7 +86,8 @@ impl Start {
 pub enum Learner {
     /// Learns from its own rollouts.
     OnPolicy(Box<dyn OnPolicy>),
-    /// Has learned from the demonstration alone, and takes no step of its own; with what that was like.
+    /// Has learned from the demonstration alone, and takes no step of its own; with what that was
+    /// like.
     Offline(Agent, Box<Update>),
     /// Learns nothing: uniform actions.
     Uniform,
@@ -95,14 +100,23 @@ impl Learner {
     }
 }
 
-/// Hyperparameters that a matrix can set and a record can hold; every type that can be has this trait.
+/// Hyperparameters that a matrix can set and a record can hold; every type that can be has this
+/// trait.
 pub trait Tunable:
     fmt::Debug + Clone + Serialize + DeserializeOwned + schemars::JsonSchema + Send + Sync + 'static
 {
 }
 
-impl<T: fmt::Debug + Clone + Serialize + DeserializeOwned + schemars::JsonSchema + Send + Sync + 'static> Tunable
-    for T
+impl<
+    T: fmt::Debug
+        + Clone
+        + Serialize
+        + DeserializeOwned
+        + schemars::JsonSchema
+        + Send
+        + Sync
+        + 'static,
+> Tunable for T
 {
 }
 

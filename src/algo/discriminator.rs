@@ -1,10 +1,12 @@
 //! The discriminator of POfD and GAIL: which of two hands a state-action pair came from.
 //!
-//! Owns the classifier and its one update an iteration. Knows nothing of rewards' weights. Start at [`Discriminator`].
+//! Owns the classifier and its one update an iteration. Knows nothing of rewards' weights. Start at
+//! [`Discriminator`].
 //!
-//! `D(s, a)` is near 1 on the agent's pairs and near 0 on the demonstration's (Kang et al., 2018), so that `-log D` rewards
-//! what looks like the demonstration. The network's output is D's logit. It sees normalised observations, the demonstration's
-//! normalised anew each iteration, and has neither the entropy bonus of some codes nor Table 1's L2 penalty.
+//! `D(s, a)` is near 1 on the agent's pairs and near 0 on the demonstration's (Kang et al., 2018),
+//! so that `-log D` rewards what looks like the demonstration. The network's output is D's logit.
+//! It sees normalised observations, the demonstration's normalised anew each iteration, and has
+//! neither the entropy bonus of some codes nor Table 1's L2 penalty.
 
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
@@ -19,7 +21,11 @@ use crate::{
 };
 
 /// Raise its revision when what this file computes changes.
-pub static PART: Part = Part { name: "discriminator", revision: 1, uses: &[] };
+pub static PART: Part = Part {
+    name: "discriminator",
+    revision: 1,
+    uses: &[],
+};
 
 /// How the discriminator learns.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -33,7 +39,10 @@ pub struct Hyperparameters {
 
 impl Default for Hyperparameters {
     fn default() -> Self {
-        Self { learning_rate: constant(1e-4), updates: constant(1) }
+        Self {
+            learning_rate: constant(1e-4),
+            updates: constant(1),
+        }
     }
 }
 
@@ -54,7 +63,12 @@ struct State {
 
 impl Discriminator {
     /// A classifier against `demonstration`, with hidden layers of `hidden`.
-    pub fn new(hyperparameters: Hyperparameters, demonstration: &Demonstration, hidden: &[usize], seed: Seed) -> Self {
+    pub fn new(
+        hyperparameters: Hyperparameters,
+        demonstration: &Demonstration,
+        hidden: &[usize],
+        seed: Seed,
+    ) -> Self {
         let inputs = demonstration.observations.nrows() + demonstration.actions.nrows();
         let widths = [&[inputs], hidden, &[1]].concat();
         let network = Mlp::new(&widths, 0.1, &mut seed.stream(Stream::Network, 2));
@@ -68,15 +82,18 @@ impl Discriminator {
         }
     }
 
-    /// Takes its steps on `batch` against the demonstration, and gives the loss before the last of them:
-    /// `-mean log D` on the agent's pairs, minus `mean log(1 - D)` on the demonstration's.
+    /// Takes its steps on `batch` against the demonstration, and gives the loss before the last of
+    /// them: `-mean log D` on the agent's pairs, minus `mean log(1 - D)` on the demonstration's.
     ///
     /// # Errors
     ///
     /// The loss is no longer finite.
     pub fn update(&mut self, batch: &Batch, normalizer: &Normalizer) -> Result<f64, AlgoError> {
         let agent = stack(&batch.observations, &batch.actions);
-        let demonstration = stack(&normalizer.normalize_columns(&self.observations), &self.actions);
+        let demonstration = stack(
+            &normalizer.normalize_columns(&self.observations),
+            &self.actions,
+        );
         let (n, m) = (agent.ncols(), demonstration.ncols());
         let mut inputs = DMatrix::zeros(agent.nrows(), n + m);
         inputs.columns_mut(0, n).copy_from(&agent);
@@ -91,23 +108,36 @@ impl Discriminator {
             let cotangent = DMatrix::from_fn(1, n + m, |_, i| {
                 let logit = f64::from(self.pass.output()[(0, i)]);
                 // log D = -softplus(-logit), log(1 - D) = -softplus(logit).
-                let (term, slope) =
-                    if i < n { (softplus(-logit), sigmoid(logit) - 1.0) } else { (softplus(logit), sigmoid(logit)) };
+                let (term, slope) = if i < n {
+                    (softplus(-logit), sigmoid(logit) - 1.0)
+                } else {
+                    (softplus(logit), sigmoid(logit))
+                };
                 let weight = 1.0 / if i < n { n } else { m } as f64;
                 loss += weight * term;
                 (weight * slope) as f32
             });
             finite("the discriminator's loss", loss)?;
             network.vjp(&inputs, &mut self.pass, &cotangent, &mut gradient);
-            optimizer.step(network.parameters_mut(), &gradient, self.hyperparameters.learning_rate.get());
+            optimizer.step(
+                network.parameters_mut(),
+                &gradient,
+                self.hyperparameters.learning_rate.get(),
+            );
         }
         Ok(loss)
     }
 
     /// `-log D(s, a)` of each of the batch's pairs `[n]`, 0 or above.
     pub fn imitation_rewards(&mut self, batch: &Batch) -> Vec<f64> {
-        self.state.network.forward(&stack(&batch.observations, &batch.actions), &mut self.pass);
-        self.pass.output().iter().map(|&logit| softplus(-f64::from(logit))).collect()
+        self.state
+            .network
+            .forward(&stack(&batch.observations, &batch.actions), &mut self.pass);
+        self.pass
+            .output()
+            .iter()
+            .map(|&logit| softplus(-f64::from(logit)))
+            .collect()
     }
 
     /// Everything the next update depends on.
@@ -165,35 +195,78 @@ mod tests {
             actions: reference::columns(&expected.demonstration_actions),
             ..one_step::demonstration(7, |s| s)
         };
-        let hyperparameters = Hyperparameters { learning_rate: constant(1e-2), updates: constant(1) };
-        let mut discriminator = Discriminator::new(hyperparameters, &demonstration, &reference::HIDDEN, Seed(0));
-        discriminator.state.network.parameters_mut().copy_from_slice(&expected.network);
+        let hyperparameters = Hyperparameters {
+            learning_rate: constant(1e-2),
+            updates: constant(1),
+        };
+        let mut discriminator =
+            Discriminator::new(hyperparameters, &demonstration, &reference::HIDDEN, Seed(0));
+        discriminator
+            .state
+            .network
+            .parameters_mut()
+            .copy_from_slice(&expected.network);
         let (batch, agent) = (reference.batch(), reference.agent(&reference.policy));
-        let loss = discriminator.update(&batch, &agent.normalizer).expect("finite");
+        let loss = discriminator
+            .update(&batch, &agent.normalizer)
+            .expect("finite");
         reference::assert_near(&[loss], &[expected.loss], reference::ROUNDING);
-        reference::assert_near(discriminator.state.network.parameters(), &expected.after, reference::ROUNDING);
-        let inner = Box::new(Ppo::new(ppo::Hyperparameters::for_env(EnvId::Hopper), agent));
-        let mut pofd = Adversarial { discriminator, task: 1.0, imitation: 0.1, inner };
-        reference::assert_near(&pofd.rewards(&batch), &expected.rewards, reference::ROUNDING);
+        reference::assert_near(
+            discriminator.state.network.parameters(),
+            &expected.after,
+            reference::ROUNDING,
+        );
+        let inner = Box::new(Ppo::new(
+            ppo::Hyperparameters::for_env(EnvId::Hopper),
+            agent,
+        ));
+        let mut pofd = Adversarial {
+            discriminator,
+            task: 1.0,
+            imitation: 0.1,
+            inner,
+        };
+        reference::assert_near(
+            &pofd.rewards(&batch),
+            &expected.rewards,
+            reference::ROUNDING,
+        );
     }
 
     #[test]
     fn it_tells_the_agent_from_the_demonstration_and_rewards_the_latter() {
         let agent = one_step::agent(0.3);
         let demonstration = one_step::demonstration(200, |s| s + 1.0);
-        let hyperparameters = Hyperparameters { learning_rate: constant(1e-2), updates: constant(1) };
+        let hyperparameters = Hyperparameters {
+            learning_rate: constant(1e-2),
+            updates: constant(1),
+        };
         let mut discriminator = Discriminator::new(hyperparameters, &demonstration, &[16], Seed(0));
-        let batch = one_step::batch(&agent, 400, |_, _| 0.0, &mut Seed(0).stream(Stream::Action, 0));
-        let first = discriminator.update(&batch, &agent.normalizer).expect("finite");
+        let batch = one_step::batch(
+            &agent,
+            400,
+            |_, _| 0.0,
+            &mut Seed(0).stream(Stream::Action, 0),
+        );
+        let first = discriminator
+            .update(&batch, &agent.normalizer)
+            .expect("finite");
         discriminator.hyperparameters.updates = constant(100);
-        let last = discriminator.update(&batch, &agent.normalizer).expect("finite");
+        let last = discriminator
+            .update(&batch, &agent.normalizer)
+            .expect("finite");
         assert!(first < 1.4 && last < 0.5 * first, "{first}, {last}");
 
         let mut alike = batch.clone();
         alike.actions = alike.observations.map(|s| s + 1.0);
         let mean = |rewards: Vec<f64>| rewards.iter().sum::<f64>() / rewards.len() as f64;
-        let (own, like) =
-            (mean(discriminator.imitation_rewards(&batch)), mean(discriminator.imitation_rewards(&alike)));
-        assert!(like > 5.0 * own, "{like} for the demonstration's actions, {own} for the agent's");
+        let (own, like) = (
+            mean(discriminator.imitation_rewards(&batch)),
+            mean(discriminator.imitation_rewards(&alike)),
+        );
+        assert!(
+            like > 5.0 * own,
+            "{like} for the demonstration's actions, {own} for the agent's"
+        );
     }
 }

@@ -1,7 +1,7 @@
 //! GAIL (Ho and Ermon, 2016): the discriminator's reward alone, `-log D(s, a)`.
 //!
-//! Owns how its parts go together: POfD without the task's reward. Knows nothing of the discriminator's or the policy's
-//! update. Start at [`gail`].
+//! Owns how its parts go together: POfD without the task's reward. Knows nothing of the
+//! discriminator's or the policy's update. Start at [`gail`].
 
 use serde::{Deserialize, Serialize};
 
@@ -18,8 +18,16 @@ use super::{
 use crate::{demo::Demonstration, env::EnvId, rng::Seed};
 
 /// Raise its revision when what this file computes changes.
-pub static PART: Part =
-    Part { name: "gail", revision: 1, uses: &[&adversarial::PART, &discriminator::PART, &ppo::PART, &trpo::PART] };
+pub static PART: Part = Part {
+    name: "gail",
+    revision: 1,
+    uses: &[
+        &adversarial::PART,
+        &discriminator::PART,
+        &ppo::PART,
+        &trpo::PART,
+    ],
+};
 
 /// GAIL as an algorithm of the catalogue.
 pub static GAIL: Definition<Hyperparameters> = Definition {
@@ -39,7 +47,12 @@ pub static GAIL: Definition<Hyperparameters> = Definition {
     start: |hyperparameters, start| {
         let seed = start.seed;
         let (agent, demonstration) = start.with_demonstration()?;
-        Ok(Learner::on_policy(gail(hyperparameters, agent, &demonstration, seed)))
+        Ok(Learner::on_policy(gail(
+            hyperparameters,
+            agent,
+            &demonstration,
+            seed,
+        )))
     },
     operations: |h, counter| {
         let inner = h.policy_update.operations(&h.ppo, &h.trpo, counter);
@@ -74,8 +87,18 @@ impl Hyperparameters {
 }
 
 /// GAIL from `agent` on, against `demonstration`.
-pub fn gail(hyperparameters: Hyperparameters, agent: Agent, demonstration: &Demonstration, seed: Seed) -> Adversarial {
-    let Hyperparameters { discriminator, policy_update, ppo, trpo } = hyperparameters;
+pub fn gail(
+    hyperparameters: Hyperparameters,
+    agent: Agent,
+    demonstration: &Demonstration,
+    seed: Seed,
+) -> Adversarial {
+    let Hyperparameters {
+        discriminator,
+        policy_update,
+        ppo,
+        trpo,
+    } = hyperparameters;
     Adversarial {
         discriminator: Discriminator::new(discriminator, demonstration, agent.hidden(), seed),
         task: 0.0,
@@ -93,7 +116,8 @@ mod tests {
         rng::Stream,
     };
 
-    /// The mean distance from the demonstration's action after training with the discriminator's reward times `imitation`.
+    /// The mean distance from the demonstration's action after training with the discriminator's
+    /// reward times `imitation`.
     fn distance(imitation: f64) -> f64 {
         let mut hyperparameters = Hyperparameters::for_env(EnvId::Hopper);
         hyperparameters.discriminator.learning_rate = constant(1e-2);
@@ -101,7 +125,12 @@ mod tests {
         hyperparameters.trpo.critic.learning_rate = constant(1e-2);
         hyperparameters.trpo.critic.minibatch = constant(128);
         let demonstration = one_step::demonstration(100, |s| s + 1.0);
-        let mut gail = gail(hyperparameters, one_step::agent(0.5), &demonstration, Seed(0));
+        let mut gail = gail(
+            hyperparameters,
+            one_step::agent(0.5),
+            &demonstration,
+            Seed(0),
+        );
         gail.imitation *= imitation;
         let mut rng = Seed(0).stream(Stream::Update, 0);
         for _ in 0..150 {
@@ -114,6 +143,9 @@ mod tests {
     #[test]
     fn it_imitates_though_the_task_pays_for_the_opposite() {
         let (with, without) = (distance(1.0), distance(0.0));
-        assert!(with < 0.4 && without > 0.9, "{with} with the discriminator, {without} without");
+        assert!(
+            with < 0.4 && without > 0.9,
+            "{with} with the discriminator, {without} without"
+        );
     }
 }

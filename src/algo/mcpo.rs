@@ -4,28 +4,32 @@
 //! maximise E_pi_k[(pi/pi_k) A]   subject to   D(pi) <= d_k   and   KL(pi_k || pi) <= delta
 //! ```
 //!
-//! Owns one iteration of it: linearise (Eq. 5), solve the dual (Eq. 6 to 12, with Eq. 11 corrected in
+//! Owns one iteration of it: linearise (Eq. 5), solve the dual (Eq. 6 to 12, with Eq. 11 corrected
+//! in
 //! [`solver::dual`](crate::solver::dual)), search along the step, recover by Eq. (13) where the constraint is out of reach,
-//! and anneal the tolerance, `d_k+1 = d_k (1 + epsilon)`. Knows nothing of how D is measured: that is [`mimicry`](super::mimicry). Start at
+//! and anneal the tolerance, `d_k+1 = d_k (1 + epsilon)`. Knows nothing of how D is measured: that
+//! is [`mimicry`](super::mimicry). Start at
 //! [`Mcpo::update`].
 //!
-//! Eq. (14) judges by the linear model whether the constraint can be reached. Far from the demonstration MMD^2 is nearly flat,
-//! and a step that should reach it falls short; at the demonstration's states, where the real D is known, recovery then
-//! follows in the same iteration.
+//! Eq. (14) judges by the linear model whether the constraint can be reached. Far from the
+//! demonstration MMD^2 is nearly flat, and a step that should reach it falls short; at the
+//! demonstration's states, where the real D is known, recovery then follows in the same iteration.
 //!
-//! Three things keep the policy at the bound rather than below it, all where D is known at the demonstration's states. A trial
-//! that D's curvature carries over the bound is corrected before the step is halved
-//! ([`line_search`](crate::solver::line_search)). The normaliser is held at the demonstration's statistics, so that D stays where
-//! the last step left it: a running one moves the policy at the demonstration's states, and D with it. And recovery, which is
-//! then met at the start alone, goes on far below the bound, as the appendix has it ("as much as possible"): on the edge of a
-//! loose bound the policy may be one that never meets a reward.
+//! Three things keep the policy at the bound rather than below it, all where D is known at the
+//! demonstration's states. A trial that D's curvature carries over the bound is corrected before
+//! the step is halved ([`line_search`](crate::solver::line_search)). The normaliser is held at the
+//! demonstration's statistics, so that D stays where the last step left it: a running one moves the
+//! policy at the demonstration's states, and D with it. And recovery, which is then met at the
+//! start alone, goes on far below the bound, as the appendix has it ("as much as possible"): on the
+//! edge of a loose bound the policy may be one that never meets a reward.
 //!
-//! Choices where the appendix leaves them open: `c = d_k - D(theta_k)`; D is MMD^2; the line search halves the step
-//! until the real KL, the real surrogate and the real D agree with it; advantages are not normalised; the value network is
-//! fitted after the policy's step, so that advantages come from a network that has not seen the batch; the tolerance grows in
-//! iterations of recovery too. Table 1's batch is read as the steps of an iteration (`rollout.steps`), since d grows by the
-//! iteration; the value network takes it in smaller minibatches. Table 1's Adam serves the value network and recovery: the
-//! policy's step is in closed form.
+//! Choices where the appendix leaves them open: `c = d_k - D(theta_k)`; D is MMD^2; the line search
+//! halves the step until the real KL, the real surrogate and the real D agree with it; advantages
+//! are not normalised; the value network is fitted after the policy's step, so that advantages come
+//! from a network that has not seen the batch; the tolerance grows in iterations of recovery too.
+//! Table 1's batch is read as the steps of an iteration (`rollout.steps`), since d grows by the
+//! iteration; the value network takes it in smaller minibatches. Table 1's Adam serves the value
+//! network and recovery: the policy's step is in closed form.
 
 mod hyperparameters;
 mod iteration;
@@ -55,10 +59,19 @@ pub use hyperparameters::Hyperparameters;
 use iteration::Iteration;
 
 /// Raise its revision when what this file computes changes.
-pub static PART: Part =
-    Part { name: "mcpo", revision: 2, uses: &[&critic::PART, &gae::PART, &mimicry::PART, &trust_region::PART] };
+pub static PART: Part = Part {
+    name: "mcpo",
+    revision: 2,
+    uses: &[
+        &critic::PART,
+        &gae::PART,
+        &mimicry::PART,
+        &trust_region::PART,
+    ],
+};
 
-/// MCPO as an algorithm of the catalogue. Its iteration is Table 1's batch, since the tolerance grows by the iteration.
+/// MCPO as an algorithm of the catalogue. Its iteration is Table 1's batch, since the tolerance
+/// grows by the iteration.
 pub static MCPO: Definition<Hyperparameters> = Definition {
     about: About {
         name: "mcpo",
@@ -76,7 +89,12 @@ pub static MCPO: Definition<Hyperparameters> = Definition {
     start: |hyperparameters, start| {
         let seed = start.seed;
         let (agent, demonstration) = start.with_demonstration()?;
-        Ok(Learner::on_policy(Mcpo::new(hyperparameters, agent, &demonstration, seed)))
+        Ok(Learner::on_policy(Mcpo::new(
+            hyperparameters,
+            agent,
+            &demonstration,
+            seed,
+        )))
     },
     operations,
 };
@@ -87,9 +105,18 @@ fn operations(h: &Hyperparameters, counter: &Counter<'_>) -> Vec<Operations> {
     let at_states = h.mmd.samples == Samples::DemoStates;
     let no_step = update.case.as_deref() == Some("infeasible") && at_states;
     let stays = update.case.as_deref() == Some("degenerate_g") && update.mmd <= update.d;
-    let trials = if no_step || stays { 0.0 } else { counter.trials(h.region.line_search_steps) };
+    let trials = if no_step || stays {
+        0.0
+    } else {
+        counter.trials(h.region.line_search_steps)
+    };
     let mut parts = vec![counter.values(), counter.surrogate_gradient()];
-    parts.push(mimicry::operations(h.mmd.samples, h.critic.value_epochs, trials, counter));
+    parts.push(mimicry::operations(
+        h.mmd.samples,
+        h.critic.value_epochs,
+        trials,
+        counter,
+    ));
     parts.extend(trust_region::operations(&h.region, trials, counter));
     if at_states && update.recovery_steps.is_some() {
         parts.push(("recovery", mimicry::descent_operations(counter)));
@@ -117,17 +144,32 @@ struct State {
 
 impl Mcpo {
     /// MCPO from `agent` on, near `demonstration`.
-    pub fn new(hyperparameters: Hyperparameters, mut agent: Agent, demonstration: &Demonstration, seed: Seed) -> Self {
+    pub fn new(
+        hyperparameters: Hyperparameters,
+        mut agent: Agent,
+        demonstration: &Demonstration,
+        seed: Seed,
+    ) -> Self {
         if hyperparameters.mmd.samples == Samples::DemoStates {
-            agent.normalizer = Normalizer::held(&demonstration.observations, agent.normalizer.clip());
+            agent.normalizer =
+                Normalizer::held(&demonstration.observations, agent.normalizer.clip());
         }
-        let mimicry = Mimicry::new(hyperparameters.mmd.clone(), demonstration, agent.hidden(), seed);
+        let mimicry = Mimicry::new(
+            hyperparameters.mmd.clone(),
+            demonstration,
+            agent.hidden(),
+            seed,
+        );
         let critic = Critic::new(&agent.value);
         let tolerance = hyperparameters.d.bound(|| mimicry.of_doing_nothing());
         Self {
             hyperparameters,
             mimicry,
-            state: State { agent, critic, tolerance },
+            state: State {
+                agent,
+                critic,
+                tolerance,
+            },
             pass: Pass::default(),
             trial_pass: Pass::default(),
         }
@@ -144,13 +186,32 @@ impl OnPolicy for Mcpo {
     }
 
     fn update(&mut self, batch: &Batch, rng: &mut Rng) -> Result<Update, AlgoError> {
-        let Self { hyperparameters: h, mimicry, state: State { agent, critic, tolerance }, pass, trial_pass } = self;
+        let Self {
+            hyperparameters: h,
+            mimicry,
+            state:
+                State {
+                    agent,
+                    critic,
+                    tolerance,
+                },
+            pass,
+            trial_pass,
+        } = self;
         let mut watch = Stopwatch::start();
         let (discount, lambda) = (h.critic.discount.get(), h.critic.gae_lambda.get());
-        let estimate = gae::estimate(batch, &batch.rewards, &agent.value, discount, lambda, trial_pass);
+        let estimate = gae::estimate(
+            batch,
+            &batch.rewards,
+            &agent.value,
+            discount,
+            lambda,
+            trial_pass,
+        );
         watch.lap("advantages");
 
-        // Eq. (5): g is the gradient of the loss, the surrogate's with the other sign; b and D are the constraint's.
+        // Eq. (5): g is the gradient of the loss, the surrogate's with the other sign; b and D are
+        // the constraint's.
         let surrogate = Surrogate::new(&agent.policy, batch, &estimate.advantages, pass);
         let mut g = surrogate.gradient(&agent.policy, pass);
         g.iter_mut().for_each(|g| *g = -*g);
@@ -160,8 +221,17 @@ impl OnPolicy for Mcpo {
         watch.lap("mimicry");
 
         // Eq. (6) to (12).
-        let constraint = LinearConstraint { gradient: &measured.gradient, slack };
-        let solved = h.region.step(&agent.policy, &batch.observations, pass, &g, Some(constraint));
+        let constraint = LinearConstraint {
+            gradient: &measured.gradient,
+            slack,
+        };
+        let solved = h.region.step(
+            &agent.policy,
+            &batch.observations,
+            pass,
+            &g,
+            Some(constraint),
+        );
         watch.lap("conjugate gradient");
 
         let mut iteration = Iteration {
@@ -177,18 +247,27 @@ impl OnPolicy for Mcpo {
             pass: trial_pass,
         };
         let outcome = match Action::of(&solved, slack)? {
-            Action::Improve(step) => iteration.improve(&mut agent.policy, step, -solved.objective_change),
+            Action::Improve(step) => {
+                iteration.improve(&mut agent.policy, step, -solved.objective_change)
+            }
             Action::Restore(step) => iteration.restore(agent, step)?,
             Action::Stay => iteration.stay(),
             Action::Recover => iteration.recover(agent, h.recovery_depth.get())?,
         };
         watch.lap("line search and recovery");
 
-        let value_loss = critic.fit(&mut agent.value, &batch.observations, &estimate.returns, h.critic.fit(), rng)?;
+        let value_loss = critic.fit(
+            &mut agent.value,
+            &batch.observations,
+            &estimate.returns,
+            h.critic.fit(),
+            rng,
+        )?;
         watch.lap("value");
 
         let d = *tolerance;
-        *tolerance = (d * (1.0 + h.epsilon.get())).min(h.max_d.map_or(f64::INFINITY, Positive::get));
+        *tolerance =
+            (d * (1.0 + h.epsilon.get())).min(h.max_d.map_or(f64::INFINITY, Positive::get));
         let multipliers = solved.solution.multipliers();
         Ok(Update {
             kl: Some(finite("the KL", outcome.kl)?),
@@ -226,7 +305,8 @@ impl OnPolicy for Mcpo {
 enum Action<'a> {
     /// The constraint holds, and there is a reward to gain: the step of Eq. (8) and (12).
     Improve(&'a Step),
-    /// The constraint is violated, and the trust region reaches where it holds (Eq. 14): the step that leads there.
+    /// The constraint is violated, and the trust region reaches where it holds (Eq. 14): the step
+    /// that leads there.
     Restore(&'a Step),
     /// The constraint holds, and there is nothing to gain.
     Stay,

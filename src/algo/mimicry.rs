@@ -1,18 +1,21 @@
-//! The mimicry constraint: MMD^2 between the policy and the demonstration, and its gradient, in both readings.
+//! The mimicry constraint: MMD^2 between the policy and the demonstration, and its gradient, in
+//! both readings.
 //!
-//! Owns D(theta), b and the descent on D (appendix, Eq. 13). Knows nothing of returns. Start at [`Mimicry::measure`].
+//! Owns D(theta), b and the descent on D (appendix, Eq. 13). Knows nothing of returns. Start at
+//! [`Mimicry::measure`].
 //!
-//! The appendix does not say which samples stand for the policy. In `demo_states` they are the demonstration's states with
-//! the policy's mean action there, and b comes by backpropagation; Table 2's tolerances fit this reading. In `rollout`
-//! they are the agent's own state-action pairs, and b comes by the score function,
-//! `b = E[grad log pi(a|s) A_f(s, a)]`, where A_f is the advantage of the cost `f = 2 (mean_pi k - mean_demo k)`, taken from
-//! its mean over the rollout. D compares samples that weigh alike, whose number does not change when an episode ends and
-//! another begins: what follows an end is a mean step, of cost 0. Without the subtraction a far policy, whose every step
-//! costs, would be told to end its episodes. Points are the state in units of the demonstration ([`Standardizer`]) and the
-//! raw action, one below the other.
+//! The appendix does not say which samples stand for the policy. In `demo_states` they are the
+//! demonstration's states with the policy's mean action there, and b comes by backpropagation;
+//! Table 2's tolerances fit this reading. In `rollout` they are the agent's own state-action pairs,
+//! and b comes by the score function, `b = E[grad log pi(a|s) A_f(s, a)]`, where A_f is the
+//! advantage of the cost `f = 2 (mean_pi k - mean_demo k)`, taken from its mean over the rollout. D
+//! compares samples that weigh alike, whose number does not change when an episode ends and another
+//! begins: what follows an end is a mean step, of cost 0. Without the subtraction a far policy,
+//! whose every step costs, would be told to end its episodes. Points are the state in units of the
+//! demonstration ([`Standardizer`]) and the raw action, one below the other.
 //!
-//! Eq. (2) weighs the step t by `gamma^t`, Eq. (4) all alike. D follows Eq. (4); gamma and GAE's lambda enter b as they
-//! enter g, to trade its variance for bias.
+//! Eq. (2) weighs the step t by `gamma^t`, Eq. (4) all alike. D follows Eq. (4); gamma and GAE's
+//! lambda enter b as they enter g, to trade its variance for bias.
 
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
@@ -34,7 +37,11 @@ use crate::{
 };
 
 /// Raise its revision when what this file computes changes.
-pub static PART: Part = Part { name: "mimicry", revision: 1, uses: &[&critic::PART, &gae::PART, &trust_region::PART] };
+pub static PART: Part = Part {
+    name: "mimicry",
+    revision: 1,
+    uses: &[&critic::PART, &gae::PART, &trust_region::PART],
+};
 
 /// How MMD^2 to the demonstration is measured.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -60,7 +67,11 @@ pub enum Samples {
 
 impl Default for Hyperparameters {
     fn default() -> Self {
-        Self { samples: Samples::DemoStates, estimator: Estimator::V, bandwidth: Bandwidth::Fixed(constant(1.0)) }
+        Self {
+            samples: Samples::DemoStates,
+            estimator: Estimator::V,
+            bandwidth: Bandwidth::Fixed(constant(1.0)),
+        }
     }
 }
 
@@ -114,7 +125,12 @@ enum Nearby {
 
 impl Mimicry {
     /// Nearness to `demonstration`, for a policy with hidden layers of `hidden`.
-    pub fn new(hyperparameters: Hyperparameters, demonstration: &Demonstration, hidden: &[usize], seed: Seed) -> Self {
+    pub fn new(
+        hyperparameters: Hyperparameters,
+        demonstration: &Demonstration,
+        hidden: &[usize],
+        seed: Seed,
+    ) -> Self {
         let widths = [&[demonstration.observations.nrows()], hidden, &[1]].concat();
         let value = Mlp::new(&widths, 0.0, &mut seed.stream(Stream::Network, 1));
         let critic = Critic::new(&value);
@@ -133,8 +149,9 @@ impl Mimicry {
         }
     }
 
-    /// D and b at `agent`'s policy. For `rollout`, `surrogate` is that of the iteration's batch, `pass` holds the policy's
-    /// forward pass on it, and the cost's value network learns as `critic` says for returns.
+    /// D and b at `agent`'s policy. For `rollout`, `surrogate` is that of the iteration's batch,
+    /// `pass` holds the policy's forward pass on it, and the cost's value network learns as
+    /// `critic` says for returns.
     ///
     /// # Errors
     ///
@@ -147,46 +164,73 @@ impl Mimicry {
         critic: &critic::Hyperparameters,
         rng: &mut Rng,
     ) -> Result<Measured, AlgoError> {
-        let Agent { policy, normalizer, .. } = agent;
+        let Agent {
+            policy, normalizer, ..
+        } = agent;
         match self.hyperparameters.samples {
             Samples::DemoStates => {
                 let inputs = normalizer.normalize_columns(&self.observations);
                 let mut gradient = vec![0.0; policy.dim()];
                 let mmd = self.at_states(policy, &inputs, Some(&mut gradient));
-                Ok(Measured { mmd: finite("D", mmd)?, gradient, nearby: Nearby::DemoStates { inputs } })
+                Ok(Measured {
+                    mmd: finite("D", mmd)?,
+                    gradient,
+                    nearby: Nearby::DemoStates { inputs },
+                })
             }
             Samples::Rollout => {
                 let batch = surrogate.batch();
                 let mut cost = vec![0.0; batch.len()];
                 let states = self.standardizer.standardize(&batch.raw_observations);
-                let mmd = self.target.mmd_squared_witness(&stack(&states, &batch.actions), &mut cost);
+                let mmd = self
+                    .target
+                    .mmd_squared_witness(&stack(&states, &batch.actions), &mut cost);
                 let mean = cost.iter().sum::<f64>() / cost.len() as f64;
                 cost.iter_mut().for_each(|f| *f = 2.0 * (*f - mean));
                 let (discount, lambda) = (critic.discount.get(), critic.gae_lambda.get());
-                let State { value, critic: fitted } = &mut self.state;
+                let State {
+                    value,
+                    critic: fitted,
+                } = &mut self.state;
                 let estimate = gae::estimate(batch, &cost, value, discount, lambda, &mut self.pass);
-                fitted.fit(value, &batch.observations, &estimate.returns, critic.fit(), rng)?;
+                fitted.fit(
+                    value,
+                    &batch.observations,
+                    &estimate.returns,
+                    critic.fit(),
+                    rng,
+                )?;
                 let gradient = surrogate.score(policy, pass, &estimate.advantages);
-                let nearby = Nearby::Rollout { advantages: estimate.advantages };
-                Ok(Measured { mmd: finite("D", mmd)?, gradient, nearby })
+                let nearby = Nearby::Rollout {
+                    advantages: estimate.advantages,
+                };
+                Ok(Measured {
+                    mmd: finite("D", mmd)?,
+                    gradient,
+                    nearby,
+                })
             }
         }
     }
 
-    /// D at `policy`, a step away from the policy that was measured; `ratios` (`[n]`) are its probabilities of the batch's
-    /// actions relative to that policy's.
+    /// D at `policy`, a step away from the policy that was measured; `ratios` (`[n]`) are its
+    /// probabilities of the batch's actions relative to that policy's.
     pub fn at(&mut self, measured: &Measured, policy: &GaussianPolicy, ratios: &[f64]) -> f64 {
         match &measured.nearby {
             Nearby::DemoStates { inputs } => self.at_states(policy, inputs, None),
             Nearby::Rollout { advantages } => {
-                let change: f64 = ratios.iter().zip(advantages).map(|(ratio, a)| (ratio - 1.0) * a).sum();
+                let change: f64 = ratios
+                    .iter()
+                    .zip(advantages)
+                    .map(|(ratio, a)| (ratio - 1.0) * a)
+                    .sum();
                 measured.mmd + change / ratios.len() as f64
             }
         }
     }
 
-    /// Eq. (13) at the demonstration's states: moves `agent`'s policy down D by at most `steps` steps of Adam, until D is
-    /// at most `enough`.
+    /// Eq. (13) at the demonstration's states: moves `agent`'s policy down D by at most `steps`
+    /// steps of Adam, until D is at most `enough`.
     ///
     /// # Errors
     ///
@@ -198,7 +242,9 @@ impl Mimicry {
         steps: u64,
         learning_rate: f64,
     ) -> Result<Descent, AlgoError> {
-        let Agent { policy, normalizer, .. } = agent;
+        let Agent {
+            policy, normalizer, ..
+        } = agent;
         let inputs = normalizer.normalize_columns(&self.observations);
         let mut optimizer = Adam::new(policy.dim());
         let mut gradient = vec![0.0; policy.dim()];
@@ -207,7 +253,11 @@ impl Mimicry {
             let mmd = self.at_states(policy, &inputs, Some(&mut gradient));
             let before = *before.get_or_insert(finite("D", mmd)?);
             if mmd <= enough || step == steps {
-                return Ok(Descent { before, after: finite("D", mmd)?, steps: step });
+                return Ok(Descent {
+                    before,
+                    after: finite("D", mmd)?,
+                    steps: step,
+                });
             }
             optimizer.step_parts(policy.parts_mut(), &gradient, learning_rate);
         }
@@ -236,10 +286,20 @@ impl Mimicry {
         Ok(())
     }
 
-    /// D between the demonstration and `policy`'s mean actions at its states, which are `inputs` to the policy; and its
-    /// gradient, where asked for.
-    fn at_states(&mut self, policy: &GaussianPolicy, inputs: &DMatrix<f32>, gradient: Option<&mut [f32]>) -> f64 {
-        let Self { states, target, pass, .. } = self;
+    /// D between the demonstration and `policy`'s mean actions at its states, which are `inputs` to
+    /// the policy; and its gradient, where asked for.
+    fn at_states(
+        &mut self,
+        policy: &GaussianPolicy,
+        inputs: &DMatrix<f32>,
+        gradient: Option<&mut [f32]>,
+    ) -> f64 {
+        let Self {
+            states,
+            target,
+            pass,
+            ..
+        } = self;
         policy.forward(inputs, pass);
         let points = stack(states, &pass.output().into_owned());
         match gradient {
@@ -247,7 +307,9 @@ impl Mimicry {
             Some(gradient) => {
                 let mut point_gradient = DMatrix::zeros(points.nrows(), points.ncols());
                 let mmd = target.mmd_squared_gradient(&points, &mut point_gradient);
-                let cotangent = point_gradient.rows(states.nrows(), points.nrows() - states.nrows()).into_owned();
+                let cotangent = point_gradient
+                    .rows(states.nrows(), points.nrows() - states.nrows())
+                    .into_owned();
                 policy.mean_gradient(inputs, pass, &cotangent, gradient);
                 mmd
             }
@@ -256,29 +318,43 @@ impl Mimicry {
 }
 
 /// The operations of D and b, and of D at each of the `trials` of a line search.
-pub(super) fn operations(samples: Samples, value_epochs: Count, trials: f64, counter: &Counter<'_>) -> Operations {
+pub(super) fn operations(
+    samples: Samples,
+    value_epochs: Count,
+    trials: f64,
+    counter: &Counter<'_>,
+) -> Operations {
     let &Counter { n, m, policy, .. } = counter;
     let operations = match samples {
-        Samples::DemoStates => descent_step(counter) + trials * (m * policy.forward() + kernel(m, counter)),
+        Samples::DemoStates => {
+            descent_step(counter) + trials * (m * policy.forward() + kernel(m, counter))
+        }
         Samples::Rollout => {
-            kernel(n, counter) + n * policy.vjp() + counter.values().1 + counter.value_epochs(value_epochs).1
+            kernel(n, counter)
+                + n * policy.vjp()
+                + counter.values().1
+                + counter.value_epochs(value_epochs).1
         }
     };
     ("mimicry", operations)
 }
 
-/// The operations of a descent on D at the demonstration's states: D and its gradient before each step and after the last.
+/// The operations of a descent on D at the demonstration's states: D and its gradient before each
+/// step and after the last.
 pub(super) fn descent_operations(counter: &Counter<'_>) -> f64 {
     (counter.update.recovery_steps.unwrap_or(0) + 1) as f64 * descent_step(counter)
 }
 
 fn descent_step(counter: &Counter<'_>) -> f64 {
-    let &Counter { m, point, policy, .. } = counter;
+    let &Counter {
+        m, point, policy, ..
+    } = counter;
     let kernel_gradient = 2.0 * point * (m * m + m * m);
     m * policy.forward_and_vjp() + kernel(m, counter) + kernel_gradient
 }
 
-/// The operations of the kernel's values among `n` points, and between them and the demonstration's.
+/// The operations of the kernel's values among `n` points, and between them and the
+/// demonstration's.
 fn kernel(n: f64, counter: &Counter<'_>) -> f64 {
     2.0 * counter.point * (n * n / 2.0 + n * counter.m)
 }
@@ -292,7 +368,10 @@ mod tests {
     };
 
     fn mimicry(samples: Samples, demonstration: &Demonstration) -> Mimicry {
-        let hyperparameters = Hyperparameters { samples, ..Hyperparameters::default() };
+        let hyperparameters = Hyperparameters {
+            samples,
+            ..Hyperparameters::default()
+        };
         Mimicry::new(hyperparameters, demonstration, &[16, 16], Seed(0))
     }
 
@@ -309,8 +388,12 @@ mod tests {
 
     fn moved(policy: &GaussianPolicy, direction: &[f32], h: f64) -> GaussianPolicy {
         let mut policy = policy.clone();
-        let parameters: Vec<f32> =
-            policy.parameters().iter().zip(direction).map(|(&p, &d)| p + (h * f64::from(d)) as f32).collect();
+        let parameters: Vec<f32> = policy
+            .parameters()
+            .iter()
+            .zip(direction)
+            .map(|(&p, &d)| p + (h * f64::from(d)) as f32)
+            .collect();
         policy.set_parameters(&parameters);
         policy
     }
@@ -325,36 +408,59 @@ mod tests {
         let demonstration = one_step::demonstration(40, |s| 0.8 * s + 0.5);
         let agent = one_step::agent(0.5);
         let mut mimicry = mimicry(Samples::DemoStates, &demonstration);
-        let batch = one_step::batch(&agent, 64, |_, _| 0.0, &mut Seed(5).stream(Stream::Action, 0));
+        let batch = one_step::batch(
+            &agent,
+            64,
+            |_, _| 0.0,
+            &mut Seed(5).stream(Stream::Action, 0),
+        );
         let advantages = vec![0.0; 64];
         let mut pass = Pass::default();
         let surrogate = Surrogate::new(&agent.policy, &batch, &advantages, &mut pass);
         let mut rng = Seed(5).stream(Stream::Update, 0);
-        let measured = mimicry.measure(&agent, &surrogate, &mut pass, &costs(0.9), &mut rng).expect("finite");
+        let measured = mimicry
+            .measure(&agent, &surrogate, &mut pass, &costs(0.9), &mut rng)
+            .expect("finite");
         assert_eq!(mimicry.at(&measured, &agent.policy, &[]), measured.mmd);
-        assert_eq!(measured.gradient.last(), Some(&0.0), "the mean action does not know log_std");
+        assert_eq!(
+            measured.gradient.last(),
+            Some(&0.0),
+            "the mean action does not know log_std"
+        );
         let direction = unit(&measured.gradient);
-        let at = |mimicry: &mut Mimicry, h| mimicry.at(&measured, &moved(&agent.policy, &direction, h), &[]);
+        let at = |mimicry: &mut Mimicry, h| {
+            mimicry.at(&measured, &moved(&agent.policy, &direction, h), &[])
+        };
         let slope = (at(&mut mimicry, 1e-2) - at(&mut mimicry, -1e-2)) / 2e-2;
         let expected = dot(&measured.gradient, &direction);
-        assert!((slope - expected).abs() < 0.01 * expected, "{slope} against {expected}");
+        assert!(
+            (slope - expected).abs() < 0.01 * expected,
+            "{slope} against {expected}"
+        );
     }
 
-    /// In one-step episodes D can be followed without the score function: the same noise under a moved policy gives moved
-    /// samples, and MMD^2 is measured again on them.
+    /// In one-step episodes D can be followed without the score function: the same noise under a
+    /// moved policy gives moved samples, and MMD^2 is measured again on them.
     #[test]
     fn from_a_rollout_b_is_the_slope_of_d_measured_anew() {
         const N: usize = 6000;
         let demonstration = one_step::demonstration(200, |s| 0.8 * s + 0.5);
         let agent = one_step::agent(0.5);
         let mut mimicry = mimicry(Samples::Rollout, &demonstration);
-        let batch = one_step::batch(&agent, N, |_, _| 0.0, &mut Seed(6).stream(Stream::Action, 0));
+        let batch = one_step::batch(
+            &agent,
+            N,
+            |_, _| 0.0,
+            &mut Seed(6).stream(Stream::Action, 0),
+        );
         let advantages = vec![0.0; N];
         let mut pass = Pass::default();
         let surrogate = Surrogate::new(&agent.policy, &batch, &advantages, &mut pass);
         let means = pass.output().into_owned();
         let mut rng = Seed(6).stream(Stream::Update, 0);
-        let measured = mimicry.measure(&agent, &surrogate, &mut pass, &costs(0.0), &mut rng).expect("finite");
+        let measured = mimicry
+            .measure(&agent, &surrogate, &mut pass, &costs(0.0), &mut rng)
+            .expect("finite");
 
         let states = mimicry.standardizer.standardize(&batch.raw_observations);
         let direction = unit(&measured.gradient);
@@ -369,41 +475,71 @@ mod tests {
         };
         let slope = (anew(0.02) - anew(-0.02)) / 0.04;
         let expected = dot(&measured.gradient, &direction);
-        // The score function's Monte Carlo error inflates |b|: about 2 % of it with 6000 samples; five times that.
-        assert!((slope - expected).abs() < 0.1 * expected, "{slope} against {expected}");
+        // The score function's Monte Carlo error inflates |b|: about 2 % of it with 6000 samples;
+        // five times that.
+        assert!(
+            (slope - expected).abs() < 0.1 * expected,
+            "{slope} against {expected}"
+        );
     }
 
-    /// Every step's action is drawn alike, but one above 0.3 ends its episode. The samples' distribution is then the
-    /// policy's, however long episodes are, and so is D's slope, which backpropagation through the actions tells exactly.
+    /// Every step's action is drawn alike, but one above 0.3 ends its episode. The samples'
+    /// distribution is then the policy's, however long episodes are, and so is D's slope, which
+    /// backpropagation through the actions tells exactly.
     #[test]
     fn an_episodes_end_is_neither_a_gain_nor_a_loss() {
         const N: usize = 8000;
         let demonstration = one_step::demonstration(200, |_| 1.5);
         let agent = one_step::agent(0.5);
         let mut mimicry = mimicry(Samples::Rollout, &demonstration);
-        let mut batch = one_step::batch(&agent, N, |_, _| 0.0, &mut Seed(7).stream(Stream::Action, 0));
+        let mut batch = one_step::batch(
+            &agent,
+            N,
+            |_, _| 0.0,
+            &mut Seed(7).stream(Stream::Action, 0),
+        );
         batch.segments.clear();
         let mut start = 0;
         for end in (1..=N).filter(|&end| batch.actions[(0, end - 1)] > 0.3) {
-            batch.segments.push(Segment { range: start..end, end: SegmentEnd::Terminated });
+            batch.segments.push(Segment {
+                range: start..end,
+                end: SegmentEnd::Terminated,
+            });
             start = end;
         }
-        batch.segments.push(Segment { range: start..N, end: SegmentEnd::Bootstrapped { last_observation: vec![0.0] } });
+        batch.segments.push(Segment {
+            range: start..N,
+            end: SegmentEnd::Bootstrapped {
+                last_observation: vec![0.0],
+            },
+        });
         let advantages = vec![0.0; N];
         let mut pass = Pass::default();
         let surrogate = Surrogate::new(&agent.policy, &batch, &advantages, &mut pass);
         let noise = &batch.actions - pass.output();
         let mut rng = Seed(7).stream(Stream::Update, 0);
-        let measured = mimicry.measure(&agent, &surrogate, &mut pass, &costs(0.99), &mut rng).expect("finite");
+        let measured = mimicry
+            .measure(&agent, &surrogate, &mut pass, &costs(0.99), &mut rng)
+            .expect("finite");
 
-        let points = stack(&mimicry.standardizer.standardize(&batch.raw_observations), &batch.actions);
+        let points = stack(
+            &mimicry.standardizer.standardize(&batch.raw_observations),
+            &batch.actions,
+        );
         let mut by_points = DMatrix::zeros(2, N);
         mimicry.target.mmd_squared_gradient(&points, &mut by_points);
         let by_actions = by_points.rows(1, 1).into_owned();
         let mut expected = vec![0.0; agent.policy.dim()];
-        agent.policy.mean_gradient(&batch.observations, &mut pass, &by_actions, &mut expected);
+        agent
+            .policy
+            .mean_gradient(&batch.observations, &mut pass, &by_actions, &mut expected);
         *expected.last_mut().expect("log_std") = by_actions.dot(&noise);
-        let error: Vec<f32> = measured.gradient.iter().zip(&expected).map(|(b, e)| b - e).collect();
+        let error: Vec<f32> = measured
+            .gradient
+            .iter()
+            .zip(&expected)
+            .map(|(b, e)| b - e)
+            .collect();
         let relative = (dot(&error, &error) / dot(&expected, &expected)).sqrt();
         assert!(relative < 0.15, "{relative}");
     }
@@ -413,9 +549,19 @@ mod tests {
         let demonstration = one_step::demonstration(40, |s| 0.8 * s + 0.5);
         let mut agent = one_step::agent(0.5);
         let mut mimicry = mimicry(Samples::DemoStates, &demonstration);
-        let descent = mimicry.descend(&mut agent, 1e-4, 2000, 3e-3).expect("finite");
-        assert!(descent.steps > 10 && descent.steps < 2000 && descent.after <= 1e-4, "{descent:?}");
-        let again = mimicry.descend(&mut agent, 1e-4, 2000, 3e-3).expect("finite");
-        assert_eq!(again.steps, 0, "a policy within the tolerance is left alone");
+        let descent = mimicry
+            .descend(&mut agent, 1e-4, 2000, 3e-3)
+            .expect("finite");
+        assert!(
+            descent.steps > 10 && descent.steps < 2000 && descent.after <= 1e-4,
+            "{descent:?}"
+        );
+        let again = mimicry
+            .descend(&mut agent, 1e-4, 2000, 3e-3)
+            .expect("finite");
+        assert_eq!(
+            again.steps, 0,
+            "a policy within the tolerance is left alone"
+        );
     }
 }

@@ -1,11 +1,11 @@
 //! MMD imitation: MMD^2 to the demonstration minimised directly, whatever the task's reward.
 //!
-//! Owns the descent on D alone (appendix, Eq. 13); D, its witness and its gradient are those of MCPO's constraint. Knows
-//! nothing of rewards. Start at [`MmdIl`].
+//! Owns the descent on D alone (appendix, Eq. 13); D, its witness and its gradient are those of
+//! MCPO's constraint. Knows nothing of rewards. Start at [`MmdIl`].
 //!
-//! From a `rollout`, the default, as the appendix words it, each iteration is one trust-region step down b, whose advantages
-//! are those of the witness function as a cost. At the `demo_states` it is a few steps of Adam, and the rollouts serve the
-//! normaliser and the curve alone.
+//! From a `rollout`, the default, as the appendix words it, each iteration is one trust-region step
+//! down b, whose advantages are those of the witness function as a cost. At the `demo_states` it is
+//! a few steps of Adam, and the rollouts serve the normaliser and the curve alone.
 
 use serde::{Deserialize, Serialize};
 
@@ -29,7 +29,11 @@ use crate::{
 };
 
 /// Raise its revision when what this file computes changes.
-pub static PART: Part = Part { name: "mmd_il", revision: 1, uses: &[&mimicry::PART, &trpo::PART, &trust_region::PART] };
+pub static PART: Part = Part {
+    name: "mmd_il",
+    revision: 1,
+    uses: &[&mimicry::PART, &trpo::PART, &trust_region::PART],
+};
 
 /// MMD imitation as an algorithm of the catalogue.
 pub static MMD_IL: Definition<Hyperparameters> = Definition {
@@ -49,7 +53,12 @@ pub static MMD_IL: Definition<Hyperparameters> = Definition {
     start: |hyperparameters, start| {
         let seed = start.seed;
         let (agent, demonstration) = start.with_demonstration()?;
-        Ok(Learner::on_policy(MmdIl::new(hyperparameters, agent, &demonstration, seed)))
+        Ok(Learner::on_policy(MmdIl::new(
+            hyperparameters,
+            agent,
+            &demonstration,
+            seed,
+        )))
     },
     operations,
 };
@@ -60,7 +69,12 @@ fn operations(h: &Hyperparameters, counter: &Counter<'_>) -> Vec<Operations> {
         Samples::DemoStates => vec![("descent", mimicry::descent_operations(counter))],
         Samples::Rollout => {
             let trials = counter.trials(h.trpo.region.line_search_steps);
-            let mut parts = vec![mimicry::operations(h.mmd.samples, h.trpo.critic.value_epochs, trials, counter)];
+            let mut parts = vec![mimicry::operations(
+                h.mmd.samples,
+                h.trpo.critic.value_epochs,
+                trials,
+                counter,
+            )];
             parts.extend(trust_region::operations(&h.trpo.region, trials, counter));
             parts
         }
@@ -85,7 +99,10 @@ impl Hyperparameters {
     /// The defaults for `env`.
     pub fn for_env(env: EnvId) -> Self {
         Self {
-            mmd: mimicry::Hyperparameters { samples: Samples::Rollout, ..mimicry::Hyperparameters::default() },
+            mmd: mimicry::Hyperparameters {
+                samples: Samples::Rollout,
+                ..mimicry::Hyperparameters::default()
+            },
             trpo: trpo::Hyperparameters::for_env(env),
             descent_steps: constant(10),
             descent_learning_rate: constant(1e-3),
@@ -104,32 +121,75 @@ pub struct MmdIl {
 
 impl MmdIl {
     /// MMD imitation of `demonstration` from `agent` on.
-    pub fn new(hyperparameters: Hyperparameters, agent: Agent, demonstration: &Demonstration, seed: Seed) -> Self {
-        let mimicry = Mimicry::new(hyperparameters.mmd.clone(), demonstration, agent.hidden(), seed);
-        Self { hyperparameters, mimicry, agent, pass: Pass::default(), trial_pass: Pass::default() }
+    pub fn new(
+        hyperparameters: Hyperparameters,
+        agent: Agent,
+        demonstration: &Demonstration,
+        seed: Seed,
+    ) -> Self {
+        let mimicry = Mimicry::new(
+            hyperparameters.mmd.clone(),
+            demonstration,
+            agent.hidden(),
+            seed,
+        );
+        Self {
+            hyperparameters,
+            mimicry,
+            agent,
+            pass: Pass::default(),
+            trial_pass: Pass::default(),
+        }
     }
 
     /// One trust-region step down the gradient of D.
-    fn step(&mut self, batch: &Batch, rng: &mut Rng, watch: &mut Stopwatch) -> Result<Update, AlgoError> {
-        let Self { hyperparameters, mimicry, agent, pass, trial_pass } = self;
+    fn step(
+        &mut self,
+        batch: &Batch,
+        rng: &mut Rng,
+        watch: &mut Stopwatch,
+    ) -> Result<Update, AlgoError> {
+        let Self {
+            hyperparameters,
+            mimicry,
+            agent,
+            pass,
+            trial_pass,
+        } = self;
         let trpo::Hyperparameters { region, critic } = &hyperparameters.trpo;
         let no_advantages = vec![0.0; batch.len()];
         let surrogate = Surrogate::new(&agent.policy, batch, &no_advantages, pass);
         let measured = mimicry.measure(agent, &surrogate, pass, critic, rng)?;
         watch.lap("mimicry");
 
-        let solved = region.step(&agent.policy, &batch.observations, pass, &measured.gradient, None);
+        let solved = region.step(
+            &agent.policy,
+            &batch.observations,
+            pass,
+            &measured.gradient,
+            None,
+        );
         let step = trust_region::step_of(&solved)?;
         watch.lap("conjugate gradient");
 
-        let improved = region.improve(&mut agent.policy, step, None, |Attempt { policy, .. }| {
-            let trial = surrogate.measure(policy, trial_pass);
-            let mmd = mimicry.at(&measured, policy, &trial.ratios);
-            judged([region.holds(&trial), (mmd <= measured.mmd, "D")], (trial.kl, mmd))
-        });
+        let improved = region.improve(
+            &mut agent.policy,
+            step,
+            None,
+            |Attempt { policy, .. }| {
+                let trial = surrogate.measure(policy, trial_pass);
+                let mmd = mimicry.at(&measured, policy, &trial.ratios);
+                judged(
+                    [region.holds(&trial), (mmd <= measured.mmd, "D")],
+                    (trial.kl, mmd),
+                )
+            },
+        );
         watch.lap("line search");
-        let (step_fraction, (kl, mmd_after)) =
-            improved.map_or((0.0, (0.0, measured.mmd)), |found| (found.fraction, found.verdict));
+        let (step_fraction, (kl, mmd_after)) = improved
+            .map_or((0.0, (0.0, measured.mmd)), |found| {
+                (found.fraction, found.verdict)
+            });
         Ok(Update {
             kl: Some(finite("the KL", kl)?),
             mmd: Some(measured.mmd),
@@ -156,7 +216,12 @@ impl OnPolicy for MmdIl {
         let update = match self.hyperparameters.mmd.samples {
             Samples::Rollout => self.step(batch, rng, &mut watch)?,
             Samples::DemoStates => {
-                let Self { hyperparameters: h, mimicry, agent, .. } = self;
+                let Self {
+                    hyperparameters: h,
+                    mimicry,
+                    agent,
+                    ..
+                } = self;
                 let (steps, learning_rate) = (h.descent_steps.get(), h.descent_learning_rate.get());
                 let descent = mimicry.descend(agent, f64::NEG_INFINITY, steps, learning_rate)?;
                 watch.lap("descent");
@@ -168,7 +233,11 @@ impl OnPolicy for MmdIl {
                 }
             }
         };
-        Ok(Update { entropy: Some(self.agent.policy.entropy()), seconds: watch.laps(), ..update })
+        Ok(Update {
+            entropy: Some(self.agent.policy.entropy()),
+            seconds: watch.laps(),
+            ..update
+        })
     }
 
     fn save(&self) -> Vec<u8> {
@@ -203,7 +272,12 @@ mod tests {
             hyperparameters.trpo.critic.minibatch = constant(128);
             hyperparameters.descent_learning_rate = constant(3e-3);
             let demonstration = one_step::demonstration(100, |s| s + 1.0);
-            let mut imitation = MmdIl::new(hyperparameters, one_step::agent(0.3), &demonstration, Seed(0));
+            let mut imitation = MmdIl::new(
+                hyperparameters,
+                one_step::agent(0.3),
+                &demonstration,
+                Seed(0),
+            );
             let before = one_step::score(imitation.agent(), likeness);
             let mut rng = Seed(0).stream(Stream::Update, 0);
             let updates: Vec<Update> = (0..60)
@@ -213,9 +287,15 @@ mod tests {
                 })
                 .collect();
             let after = one_step::score(imitation.agent(), likeness);
-            assert!(before < -1.0 && after > -0.1, "{samples:?}: from {before} to {after}");
+            assert!(
+                before < -1.0 && after > -0.1,
+                "{samples:?}: from {before} to {after}"
+            );
             let (first, last) = (updates[0].mmd, updates[59].mmd);
-            assert!(last < first.map(|mmd| 0.2 * mmd), "{samples:?}: D from {first:?} to {last:?}");
+            assert!(
+                last < first.map(|mmd| 0.2 * mmd),
+                "{samples:?}: D from {first:?} to {last:?}"
+            );
         }
     }
 }

@@ -1,8 +1,9 @@
 //! The algorithms: one file each, with its hyperparameters, over shared parts.
 //!
-//! Owns what turns a batch of experience into a better policy. Never steps an environment, reads a file or prints. Start
-//! at [`mcpo`], whose update reads like the paper; [`OnPolicy`] is what the training loop sees. A new algorithm is a file with
-//! its [`Definition`] and a line in the [`catalogue`], or a crate of its own that calls [`catalogue::register`].
+//! Owns what turns a batch of experience into a better policy. Never steps an environment, reads a
+//! file or prints. Start at [`mcpo`], whose update reads like the paper; [`OnPolicy`] is what the
+//! training loop sees. A new algorithm is a file with its [`Definition`] and a line in the
+//! [`catalogue`], or a crate of its own that calls [`catalogue::register`].
 
 pub mod adversarial;
 mod algorithm;
@@ -44,7 +45,8 @@ use crate::{
     rng::Rng,
 };
 
-/// The learner's parameters: a policy, a value network, and the normaliser of both networks' inputs.
+/// The learner's parameters: a policy, a value network, and the normaliser of both networks'
+/// inputs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Agent {
     /// The policy.
@@ -75,7 +77,9 @@ pub enum AlgoError {
         value: f64,
     },
     /// The linearised problem has no solution of any case.
-    #[error("the update's linear problem is undefined (q = {q}, r = {r}, s = {s:?}): training diverged")]
+    #[error(
+        "the update's linear problem is undefined (q = {q}, r = {r}, s = {s:?}): training diverged"
+    )]
     Undefined {
         /// `g.H^-1 g`.
         q: f64,
@@ -100,8 +104,8 @@ pub enum AlgoError {
     Demonstration(#[from] crate::demo::DemoError),
 }
 
-/// One algorithm that learns from its own rollouts. The training loop collects a batch with the agent's policy, and hands
-/// it to [`update`](OnPolicy::update), once an iteration.
+/// One algorithm that learns from its own rollouts. The training loop collects a batch with the
+/// agent's policy, and hands it to [`update`](OnPolicy::update), once an iteration.
 pub trait OnPolicy: Send {
     /// The agent whose policy acts.
     fn agent(&self) -> &Agent;
@@ -127,7 +131,8 @@ pub trait OnPolicy: Send {
     fn restore(&mut self, state: &[u8]) -> Result<(), AlgoError>;
 }
 
-/// The record of one update; a quantity that the algorithm does not have is `None`, and a null in the results.
+/// The record of one update; a quantity that the algorithm does not have is `None`, and a null in
+/// the results.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Update {
     /// Mean KL of the new policy from the old one, nats.
@@ -162,8 +167,8 @@ pub struct Update {
     pub recovery_steps: Option<u64>,
     /// The discriminator's loss (POfD, GAIL).
     pub discriminator_loss: Option<f64>,
-    /// Loss of behaviour cloning on the demonstration, before the update: how much of the clone is left (pre-training); at the
-    /// end of cloning (BC).
+    /// Loss of behaviour cloning on the demonstration, before the update: how much of the clone is
+    /// left (pre-training); at the end of cloning (BC).
     pub cloning_loss: Option<f64>,
     /// Seconds in each named part of the update, for `mcpo-run bench`.
     #[serde(default)]
@@ -180,11 +185,18 @@ pub fn to_bytes<T: Serialize>(state: &T) -> Vec<u8> {
 /// # Errors
 ///
 /// The bytes are of another state.
-pub fn from_bytes<'a, T: Deserialize<'a>>(algorithm: &'static str, bytes: &'a [u8]) -> Result<T, AlgoError> {
+pub fn from_bytes<'a, T: Deserialize<'a>>(
+    algorithm: &'static str,
+    bytes: &'a [u8],
+) -> Result<T, AlgoError> {
     postcard::from_bytes(bytes).map_err(|source| AlgoError::State { algorithm, source })
 }
 
 /// `value`, or the error that training diverged when it is not finite.
 pub(crate) fn finite(what: &'static str, value: f64) -> Result<f64, AlgoError> {
-    if value.is_finite() { Ok(value) } else { Err(AlgoError::Diverged { what, value }) }
+    if value.is_finite() {
+        Ok(value)
+    } else {
+        Err(AlgoError::Diverged { what, value })
+    }
 }

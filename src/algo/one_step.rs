@@ -1,4 +1,5 @@
-//! A task for tests that takes milliseconds: one step an episode, observations on a line, actions on a line.
+//! A task for tests that takes milliseconds: one step an episode, observations on a line, actions
+//! on a line.
 
 use nalgebra::DMatrix;
 use rand::RngExt as _;
@@ -21,8 +22,8 @@ pub fn agent(std: f64) -> Agent {
     }
 }
 
-/// `n` episodes of one step: the raw observation is uniform in [-1, 1], the reward `reward(observation, action)`. The
-/// agent's normaliser is used, and left as it is.
+/// `n` episodes of one step: the raw observation is uniform in [-1, 1], the reward
+/// `reward(observation, action)`. The agent's normaliser is used, and left as it is.
 pub fn batch(agent: &Agent, n: usize, reward: impl Fn(f64, f64) -> f64, rng: &mut Rng) -> Batch {
     let raw = DMatrix::from_fn(1, n, |_, _| f64::from(rng.random_range(-1.0f32..1.0)));
     let observations = agent.normalizer.normalize_columns(&raw);
@@ -34,9 +35,25 @@ pub fn batch(agent: &Agent, n: usize, reward: impl Fn(f64, f64) -> f64, rng: &mu
         let noise: f32 = StandardNormal.sample(rng);
         mean + std * noise
     });
-    let rewards = raw.iter().zip(&actions).map(|(&s, &a)| reward(s, a.into())).collect();
-    let segments = (0..n).map(|i| Segment { range: i..i + 1, end: SegmentEnd::Terminated }).collect();
-    Batch { raw_observations: raw, observations, means, actions, rewards, segments }
+    let rewards = raw
+        .iter()
+        .zip(&actions)
+        .map(|(&s, &a)| reward(s, a.into()))
+        .collect();
+    let segments = (0..n)
+        .map(|i| Segment {
+            range: i..i + 1,
+            end: SegmentEnd::Terminated,
+        })
+        .collect();
+    Batch {
+        raw_observations: raw,
+        observations,
+        means,
+        actions,
+        rewards,
+        segments,
+    }
 }
 
 /// A demonstration of `m` steps with the action `action(observation)`.
@@ -58,6 +75,12 @@ pub fn demonstration(m: usize, action: impl Fn(f64) -> f64) -> Demonstration {
 pub fn score(agent: &Agent, reward: impl Fn(f64, f64) -> f64) -> f64 {
     let raw = DMatrix::from_fn(1, 101, |_, i| i as f64 / 50.0 - 1.0);
     let mut pass = Pass::default();
-    agent.policy.forward(&agent.normalizer.normalize_columns(&raw), &mut pass);
-    raw.iter().zip(pass.output().iter()).map(|(&s, &a)| reward(s, a.into())).sum::<f64>() / 101.0
+    agent
+        .policy
+        .forward(&agent.normalizer.normalize_columns(&raw), &mut pass);
+    raw.iter()
+        .zip(pass.output().iter())
+        .map(|(&s, &a)| reward(s, a.into()))
+        .sum::<f64>()
+        / 101.0
 }

@@ -1,12 +1,13 @@
 //! How many floating-point operations an iteration needs at least.
 //!
-//! Owns the counts of networks' passes, from which each algorithm makes up its own. They are those of matrix products, 2 for
-//! each multiplication with its addition; tanh, exp, densities, Adam, shuffles and copies count as nothing, and so does what
-//! a run takes for its record alone (the KL after an update, the discriminator's loss). Knows nothing of how long an
-//! operation takes. Start at [`of_iteration`].
+//! Owns the counts of networks' passes, from which each algorithm makes up its own. They are those
+//! of matrix products, 2 for each multiplication with its addition; tanh, exp, densities, Adam,
+//! shuffles and copies count as nothing, and so does what a run takes for its record alone (the KL
+//! after an update, the discriminator's loss). Knows nothing of how long an operation takes. Start
+//! at [`of_iteration`].
 //!
-//! A network of weights P, of which P_1 are the first layer's and P_L the last's, with A outputs and hidden layers of h_1 to
-//! h_k, takes for each sample
+//! A network of weights P, of which P_1 are the first layer's and P_L the last's, with A outputs
+//! and hidden layers of h_1 to h_k, takes for each sample
 //!
 //! | | operations | since |
 //! |---|---|---|
@@ -15,11 +16,13 @@
 //! | sensitivities | 2 A sum h_l h_l+1 | the outputs' derivatives by the lower hidden layers' sums, once for all products |
 //! | Fisher product | 4 P + 4 P_L + 4 A (h_1 + ... + h_k-1) | there and back through the sensitivities |
 //!
-//! and n points of d numbers against m others take 2 d n m for their kernel values, and as much again, twice among
-//! themselves, for the gradient. The activations of the rollout's pass are taken to be kept: the gradient of the surrogate and
-//! the old densities need no pass of their own. How often conjugate gradient, the line search and the recovery
-//! went round is read from the [`Update`]; conjugate gradient of a recovery from a rollout is not recorded there and counts
-//! as nothing. So work that an update leaves out lowers the floor with it, and work done twice does not raise it.
+//! and n points of d numbers against m others take 2 d n m for their kernel values, and as much
+//! again, twice among themselves, for the gradient. The activations of the rollout's pass are taken
+//! to be kept: the gradient of the surrogate and the old densities need no pass of their own. How
+//! often conjugate gradient, the line search and the recovery went round is read from the
+//! [`Update`]; conjugate gradient of a recovery from a rollout is not recorded there and counts as
+//! nothing. So work that an update leaves out lowers the floor with it, and work done twice does
+//! not raise it.
 
 use serde::Serialize;
 
@@ -46,9 +49,14 @@ pub struct Shapes {
 /// The name of a part of an iteration, and its operations.
 pub type Operations = (&'static str, f64);
 
-/// The operations of an iteration of `algorithm` that did `update`, part by part. `cuts` is how many of the batch's segments
-/// end with a value to be looked up.
-pub fn of_iteration(algorithm: &Algorithm, shapes: &Shapes, cuts: usize, update: &Update) -> Vec<Operations> {
+/// The operations of an iteration of `algorithm` that did `update`, part by part. `cuts` is how
+/// many of the batch's segments end with a value to be looked up.
+pub fn of_iteration(
+    algorithm: &Algorithm,
+    shapes: &Shapes,
+    cuts: usize,
+    update: &Update,
+) -> Vec<Operations> {
     let counter = Counter::new(shapes, cuts, update);
     let mut parts = vec![("policy inference", counter.n * counter.policy.forward())];
     parts.extend(algorithm.operations(&counter));
@@ -72,7 +80,10 @@ impl Network {
     fn new(input: usize, hidden: &[usize], output: usize) -> Self {
         let widths = [&[input], hidden, &[output]].concat();
         let weights = |layer: &[usize]| (layer[0] * layer[1]) as f64;
-        let (all, last) = (widths.windows(2).map(weights).sum::<f64>(), weights(&widths[widths.len() - 2..]));
+        let (all, last) = (
+            widths.windows(2).map(weights).sum::<f64>(),
+            weights(&widths[widths.len() - 2..]),
+        );
         let lower: usize = hidden.iter().rev().skip(1).sum();
         Self {
             weights: all,
@@ -120,7 +131,14 @@ pub struct Counter<'a> {
 
 impl<'a> Counter<'a> {
     fn new(shapes: &Shapes, cuts: usize, update: &'a Update) -> Self {
-        let Shapes { observation, action, hidden, rollout, demonstration, .. } = shapes;
+        let Shapes {
+            observation,
+            action,
+            hidden,
+            rollout,
+            demonstration,
+            ..
+        } = shapes;
         Self {
             policy: Network::new(*observation, hidden, *action),
             value: Network::new(*observation, hidden, 1),
@@ -145,15 +163,22 @@ impl<'a> Counter<'a> {
 
     /// `epochs` passes of the policy over the batch, there and back.
     pub fn policy_epochs(&self, epochs: Count) -> Operations {
-        ("policy epochs", epochs.get() as f64 * self.n * self.policy.forward_and_vjp())
+        (
+            "policy epochs",
+            epochs.get() as f64 * self.n * self.policy.forward_and_vjp(),
+        )
     }
 
     /// `epochs` passes of the value network over the batch, there and back.
     pub fn value_epochs(&self, epochs: Count) -> Operations {
-        ("value epochs", epochs.get() as f64 * self.n * self.value.forward_and_vjp())
+        (
+            "value epochs",
+            epochs.get() as f64 * self.n * self.value.forward_and_vjp(),
+        )
     }
 
-    /// Trials of a line search that takes at most `limit`: it halves the step from 1 on, and 0 says that all were rejected.
+    /// Trials of a line search that takes at most `limit`: it halves the step from 1 on, and 0 says
+    /// that all were rejected.
     pub fn trials(&self, limit: Count) -> f64 {
         match self.update.step_fraction {
             Some(fraction) if fraction > 0.0 => 1.0 - fraction.log2(),
@@ -176,11 +201,18 @@ mod tests {
         quantity::constant,
     };
 
-    /// A policy of 3 x 5 x 4 x 2: P = 15 + 20 + 8 = 43, P_1 = 15. A value network of 3 x 5 x 4 x 1: P = 39. Forward passes
-    /// of 86 and 78 operations, VJPs of 142 and 126, Fisher products of 244 after 80
-    /// for the sensitivities.
+    /// A policy of 3 x 5 x 4 x 2: P = 15 + 20 + 8 = 43, P_1 = 15. A value network of 3 x 5 x 4 x 1:
+    /// P = 39. Forward passes of 86 and 78 operations, VJPs of 142 and 126, Fisher products of 244
+    /// after 80 for the sensitivities.
     fn shapes() -> Shapes {
-        Shapes { observation: 3, action: 2, hidden: vec![5, 4], environments: 2, rollout: 10, demonstration: 6 }
+        Shapes {
+            observation: 3,
+            action: 2,
+            hidden: vec![5, 4],
+            environments: 2,
+            rollout: 10,
+            demonstration: 6,
+        }
     }
 
     fn counted(algorithm: &Algorithm, update: &Update) -> Vec<Operations> {
@@ -189,7 +221,10 @@ mod tests {
 
     #[test]
     fn ppo_is_two_networks_epochs() {
-        let hyperparameters = ppo::Hyperparameters { epochs: constant(7), ..ppo::Hyperparameters::for_env(EnvId::Ant) };
+        let hyperparameters = ppo::Hyperparameters {
+            epochs: constant(7),
+            ..ppo::Hyperparameters::for_env(EnvId::Ant)
+        };
         let parts = counted(&PPO.with(hyperparameters), &Update::default());
         let expected = [
             ("policy inference", 860.0),
@@ -204,7 +239,11 @@ mod tests {
     fn trust_regions_are_what_the_update_did() {
         let mut trpo = trpo::Hyperparameters::for_env(EnvId::Ant);
         trpo.critic.value_epochs = constant(2);
-        let update = Update { cg_iterations: Some(9), step_fraction: Some(0.25), ..Update::default() };
+        let update = Update {
+            cg_iterations: Some(9),
+            step_fraction: Some(0.25),
+            ..Update::default()
+        };
         let parts = counted(&TRPO.with(trpo.clone()), &update);
         let expected = [
             ("policy inference", 860.0),
@@ -215,49 +254,100 @@ mod tests {
             ("value epochs", 20.0 * 204.0),
         ];
         assert_eq!(parts, expected);
-        let rejected = Update { step_fraction: Some(0.0), ..update };
-        assert_eq!(counted(&TRPO.with(trpo.clone()), &rejected)[4], ("line search", 10.0 * 860.0));
+        let rejected = Update {
+            step_fraction: Some(0.0),
+            ..update
+        };
+        assert_eq!(
+            counted(&TRPO.with(trpo.clone()), &rejected)[4],
+            ("line search", 10.0 * 860.0)
+        );
         // Every fourth of ten samples makes three.
         trpo.region.fisher_samples = constant(3);
         let products = counted(&TRPO.with(trpo), &rejected)[3];
         assert_eq!(products, ("Fisher products", 3.0 * (9.0 * 244.0 + 80.0)));
     }
 
-    /// Points of 5 numbers, 6 of each side: 36 pairs with the demonstration and half as many on their own side; kernel values
-    /// of 10 operations a pair, and two sides' gradients of 10 a pair.
+    /// Points of 5 numbers, 6 of each side: 36 pairs with the demonstration and half as many on
+    /// their own side; kernel values of 10 operations a pair, and two sides' gradients of 10 a
+    /// pair.
     #[test]
     fn mimicry_is_measured_once_and_at_each_trial_or_descended() {
         let mut h = mcpo::Hyperparameters::for_env(EnvId::Ant);
         h.critic.value_epochs = constant(2);
         let of = |update: Update, part: &str| {
             let parts = counted(&MCPO.with(h.clone()), &update);
-            parts.iter().find(|(name, _)| *name == part).map(|(_, operations)| *operations)
+            parts
+                .iter()
+                .find(|(name, _)| *name == part)
+                .map(|(_, operations)| *operations)
         };
         let step = 6.0 * (86.0 + 142.0) + 540.0 + 720.0;
-        let case = |case: &str| Update { case: Some(case.to_owned()), step_fraction: Some(0.0), ..Update::default() };
-        let active = Update { step_fraction: Some(0.5), cg_iterations: Some(20), ..case("active") };
-        assert_eq!(of(active.clone(), "mimicry"), Some(step + 2.0 * (6.0 * 86.0 + 540.0)));
-        assert_eq!(of(active.clone(), "Fisher products"), Some(20.0 * 2440.0 + 800.0));
+        let case = |case: &str| Update {
+            case: Some(case.to_owned()),
+            step_fraction: Some(0.0),
+            ..Update::default()
+        };
+        let active = Update {
+            step_fraction: Some(0.5),
+            cg_iterations: Some(20),
+            ..case("active")
+        };
+        assert_eq!(
+            of(active.clone(), "mimicry"),
+            Some(step + 2.0 * (6.0 * 86.0 + 540.0))
+        );
+        assert_eq!(
+            of(active.clone(), "Fisher products"),
+            Some(20.0 * 2440.0 + 800.0)
+        );
         assert_eq!(of(active, "recovery"), None);
-        let infeasible = Update { recovery_steps: Some(4), ..case("infeasible") };
+        let infeasible = Update {
+            recovery_steps: Some(4),
+            ..case("infeasible")
+        };
         assert_eq!(of(infeasible.clone(), "mimicry"), Some(step));
         assert_eq!(of(infeasible.clone(), "line search"), Some(0.0));
         assert_eq!(of(infeasible, "recovery"), Some(5.0 * step));
-        let fell_short = Update { recovery_steps: Some(1), step_fraction: Some(1.0), ..case("recoverable") };
+        let fell_short = Update {
+            recovery_steps: Some(1),
+            step_fraction: Some(1.0),
+            ..case("recoverable")
+        };
         assert_eq!(of(fell_short.clone(), "line search"), Some(860.0));
         assert_eq!(of(fell_short, "recovery"), Some(2.0 * step));
-        let stays = Update { mmd: Some(1.0), d: Some(2.0), ..case("degenerate_g") };
+        let stays = Update {
+            mmd: Some(1.0),
+            d: Some(2.0),
+            ..case("degenerate_g")
+        };
         assert_eq!(of(stays.clone(), "line search"), Some(0.0));
-        assert_eq!(of(Update { mmd: Some(3.0), ..stays }, "line search"), Some(10.0 * 860.0));
+        assert_eq!(
+            of(
+                Update {
+                    mmd: Some(3.0),
+                    ..stays
+                },
+                "line search"
+            ),
+            Some(10.0 * 860.0)
+        );
     }
 
     #[test]
     fn every_algorithm_with_rollouts_is_counted() {
-        let update = Update { step_fraction: Some(1.0), cg_iterations: Some(1), ..Update::default() };
+        let update = Update {
+            step_fraction: Some(1.0),
+            cg_iterations: Some(1),
+            ..Update::default()
+        };
         let all = Algorithm::names().filter_map(|name| Algorithm::defaults(name, EnvId::Hopper));
         for algorithm in all.filter(Algorithm::trains) {
             let (name, parts) = (algorithm.name(), counted(&algorithm, &update));
-            assert!(parts.len() > 1 && parts.iter().all(|(_, operations)| *operations > 0.0), "{name}: {parts:?}");
+            assert!(
+                parts.len() > 1 && parts.iter().all(|(_, operations)| *operations > 0.0),
+                "{name}: {parts:?}"
+            );
         }
     }
 }

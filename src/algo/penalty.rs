@@ -1,11 +1,12 @@
-//! The penalty method of the main paper's comparison: the surrogate minus a weighted MMD^2, with a fixed or a shrinking
-//! weight.
+//! The penalty method of the main paper's comparison: the surrogate minus a weighted MMD^2, with a
+//! fixed or a shrinking weight.
 //!
-//! Owns what MCPO replaces: `maximise E[(pi/pi_k) A] - w_k D(pi)` under the KL alone, `w_k+1 = w_k (1 - epsilon)`. Knows
-//! nothing of how D is measured. Start at [`Penalty`].
+//! Owns what MCPO replaces: `maximise E[(pi/pi_k) A] - w_k D(pi)` under the KL alone, `w_k+1 = w_k
+//! (1 - epsilon)`. Knows nothing of how D is measured. Start at [`Penalty`].
 //!
-//! The surrogate is a mean over steps, and its gradient that of `(1 - gamma)` times the discounted return: the main paper's
-//! penalty `eta - lambda D` on the return is `w = (1 - gamma) lambda` here. Its weights are not known; 1 is this project's.
+//! The surrogate is a mean over steps, and its gradient that of `(1 - gamma)` times the discounted
+//! return: the main paper's penalty `eta - lambda D` on the return is `w = (1 - gamma) lambda`
+//! here. Its weights are not known; 1 is this project's.
 
 use serde::{Deserialize, Serialize};
 
@@ -32,7 +33,13 @@ use crate::{
 pub static PART: Part = Part {
     name: "penalty",
     revision: 1,
-    uses: &[&critic::PART, &gae::PART, &mimicry::PART, &trpo::PART, &trust_region::PART],
+    uses: &[
+        &critic::PART,
+        &gae::PART,
+        &mimicry::PART,
+        &trpo::PART,
+        &trust_region::PART,
+    ],
 };
 
 /// The penalty method as an algorithm of the catalogue.
@@ -53,12 +60,22 @@ pub static PENALTY: Definition<Hyperparameters> = Definition {
     start: |hyperparameters, start| {
         let seed = start.seed;
         let (agent, demonstration) = start.with_demonstration()?;
-        Ok(Learner::on_policy(Penalty::new(hyperparameters, agent, &demonstration, seed)))
+        Ok(Learner::on_policy(Penalty::new(
+            hyperparameters,
+            agent,
+            &demonstration,
+            seed,
+        )))
     },
     operations: |h, counter| {
         let trials = counter.trials(h.trpo.region.line_search_steps);
         let mut parts = trpo::operations(&h.trpo, counter);
-        parts.push(mimicry::operations(h.mmd.samples, h.trpo.critic.value_epochs, trials, counter));
+        parts.push(mimicry::operations(
+            h.mmd.samples,
+            h.trpo.critic.value_epochs,
+            trials,
+            counter,
+        ));
         parts
     },
 };
@@ -67,8 +84,8 @@ pub static PENALTY: Definition<Hyperparameters> = Definition {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Hyperparameters {
-    /// w, the weight of MMD^2 at the first iteration, in units of a step's advantage: `1 - gamma` times a weight
-    /// against the discounted return.
+    /// w, the weight of MMD^2 at the first iteration, in units of a step's advantage: `1 - gamma`
+    /// times a weight against the discounted return.
     pub weight: NonNegative,
     /// How fast the weight shrinks: `w_k+1 = w_k (1 - epsilon)`; 0 keeps it.
     pub epsilon: UnitInterval,
@@ -109,10 +126,30 @@ struct State {
 
 impl Penalty {
     /// The penalty method from `agent` on, near `demonstration`.
-    pub fn new(hyperparameters: Hyperparameters, agent: Agent, demonstration: &Demonstration, seed: Seed) -> Self {
-        let mimicry = Mimicry::new(hyperparameters.mmd.clone(), demonstration, agent.hidden(), seed);
-        let state = State { critic: Critic::new(&agent.value), agent, weight: hyperparameters.weight.get() };
-        Self { hyperparameters, mimicry, state, pass: Pass::default(), trial_pass: Pass::default() }
+    pub fn new(
+        hyperparameters: Hyperparameters,
+        agent: Agent,
+        demonstration: &Demonstration,
+        seed: Seed,
+    ) -> Self {
+        let mimicry = Mimicry::new(
+            hyperparameters.mmd.clone(),
+            demonstration,
+            agent.hidden(),
+            seed,
+        );
+        let state = State {
+            critic: Critic::new(&agent.value),
+            agent,
+            weight: hyperparameters.weight.get(),
+        };
+        Self {
+            hyperparameters,
+            mimicry,
+            state,
+            pass: Pass::default(),
+            trial_pass: Pass::default(),
+        }
     }
 }
 
@@ -126,11 +163,29 @@ impl OnPolicy for Penalty {
     }
 
     fn update(&mut self, batch: &Batch, rng: &mut Rng) -> Result<Update, AlgoError> {
-        let Self { hyperparameters, mimicry, state: State { agent, critic, weight }, pass, trial_pass } = self;
+        let Self {
+            hyperparameters,
+            mimicry,
+            state:
+                State {
+                    agent,
+                    critic,
+                    weight,
+                },
+            pass,
+            trial_pass,
+        } = self;
         let trpo::Hyperparameters { region, critic: c } = &hyperparameters.trpo;
         let mut watch = Stopwatch::start();
         let (discount, lambda) = (c.discount.get(), c.gae_lambda.get());
-        let estimate = gae::estimate(batch, &batch.rewards, &agent.value, discount, lambda, trial_pass);
+        let estimate = gae::estimate(
+            batch,
+            &batch.rewards,
+            &agent.value,
+            discount,
+            lambda,
+            trial_pass,
+        );
         watch.lap("advantages");
 
         let surrogate = Surrogate::new(&agent.policy, batch, &estimate.advantages, pass);
@@ -145,22 +200,42 @@ impl OnPolicy for Penalty {
         let step = trust_region::step_of(&solved)?;
         watch.lap("conjugate gradient");
 
-        let improved = region.improve(&mut agent.policy, step, None, |Attempt { policy, fraction, .. }| {
-            let trial = surrogate.measure(policy, trial_pass);
-            let mmd = mimicry.at(&measured, policy, &trial.ratios);
-            let gain = trial.gain - *weight * (mmd - measured.mmd);
-            let rises = gain >= trust_region::enough(fraction, -solved.objective_change);
-            judged([region.holds(&trial), (rises, "penalised surrogate")], (trial, mmd))
-        });
+        let improved = region.improve(
+            &mut agent.policy,
+            step,
+            None,
+            |Attempt {
+                 policy, fraction, ..
+             }| {
+                let trial = surrogate.measure(policy, trial_pass);
+                let mmd = mimicry.at(&measured, policy, &trial.ratios);
+                let gain = trial.gain - *weight * (mmd - measured.mmd);
+                let rises = gain >= trust_region::enough(fraction, -solved.objective_change);
+                judged(
+                    [region.holds(&trial), (rises, "penalised surrogate")],
+                    (trial, mmd),
+                )
+            },
+        );
         watch.lap("line search");
-        let value_loss = critic.fit(&mut agent.value, &batch.observations, &estimate.returns, c.fit(), rng)?;
+        let value_loss = critic.fit(
+            &mut agent.value,
+            &batch.observations,
+            &estimate.returns,
+            c.fit(),
+            rng,
+        )?;
         watch.lap("value");
 
         *weight *= 1.0 - hyperparameters.epsilon.get();
-        let (step_fraction, kl, gain, mmd_after) = improved
-            .map_or((0.0, 0.0, 0.0, measured.mmd), |Improved { fraction, verdict: (trial, mmd), .. }| {
-                (fraction, trial.kl, trial.gain, mmd)
-            });
+        let (step_fraction, kl, gain, mmd_after) = improved.map_or(
+            (0.0, 0.0, 0.0, measured.mmd),
+            |Improved {
+                 fraction,
+                 verdict: (trial, mmd),
+                 ..
+             }| { (fraction, trial.kl, trial.gain, mmd) },
+        );
         Ok(Update {
             kl: Some(finite("the KL", kl)?),
             entropy: Some(agent.policy.entropy()),
@@ -209,7 +284,12 @@ mod tests {
             trpo,
         };
         let demonstration = one_step::demonstration(100, |s| s + 2.9);
-        let mut penalty = Penalty::new(hyperparameters, one_step::agent(0.5), &demonstration, Seed(0));
+        let mut penalty = Penalty::new(
+            hyperparameters,
+            one_step::agent(0.5),
+            &demonstration,
+            Seed(0),
+        );
         let mut rng = Seed(0).stream(Stream::Update, 0);
         for _ in 0..120 {
             let batch = one_step::batch(penalty.agent(), 512, sparse, &mut rng);
@@ -221,6 +301,9 @@ mod tests {
     #[test]
     fn the_penalty_leads_to_a_reward_that_is_not_found_without_it() {
         let (with, without) = (score(1.0), score(0.0));
-        assert!(with > 0.3 && without == 0.0, "{with} with the penalty, {without} without");
+        assert!(
+            with > 0.3 && without == 0.0,
+            "{with} with the penalty, {without} without"
+        );
     }
 }

@@ -1,10 +1,12 @@
 //! POfD (Kang et al., 2018): the task's reward plus a discriminator's, `r - weight log D(s, a)`.
 //!
-//! Owns how its parts go together. Knows nothing of the discriminator's or the policy's update. Start at [`pofd`].
+//! Owns how its parts go together. Knows nothing of the discriminator's or the policy's update.
+//! Start at [`pofd`].
 //!
-//! As in the paper's Algorithm 1: one update of the discriminator, new rewards, one update of the policy. The appendix does
-//! not say which policy update; PPO is what its other first-order rows use. The printed algorithm's misprints, `r(a, b)` and
-//! the sign of the entropy's gradient, are not followed.
+//! As in the paper's Algorithm 1: one update of the discriminator, new rewards, one update of the
+//! policy. The appendix does not say which policy update; PPO is what its other first-order rows
+//! use. The printed algorithm's misprints, `r(a, b)` and the sign of the entropy's gradient, are
+//! not followed.
 
 use serde::{Deserialize, Serialize};
 
@@ -26,8 +28,16 @@ use crate::{
 };
 
 /// Raise its revision when what this file computes changes.
-pub static PART: Part =
-    Part { name: "pofd", revision: 1, uses: &[&adversarial::PART, &discriminator::PART, &ppo::PART, &trpo::PART] };
+pub static PART: Part = Part {
+    name: "pofd",
+    revision: 1,
+    uses: &[
+        &adversarial::PART,
+        &discriminator::PART,
+        &ppo::PART,
+        &trpo::PART,
+    ],
+};
 
 /// POfD as an algorithm of the catalogue.
 pub static POFD: Definition<Hyperparameters> = Definition {
@@ -47,7 +57,12 @@ pub static POFD: Definition<Hyperparameters> = Definition {
     start: |hyperparameters, start| {
         let seed = start.seed;
         let (agent, demonstration) = start.with_demonstration()?;
-        Ok(Learner::on_policy(pofd(hyperparameters, agent, &demonstration, seed)))
+        Ok(Learner::on_policy(pofd(
+            hyperparameters,
+            agent,
+            &demonstration,
+            seed,
+        )))
     },
     operations: |h, counter| {
         let inner = h.policy_update.operations(&h.ppo, &h.trpo, counter);
@@ -84,7 +99,11 @@ pub enum PolicyUpdate {
 impl Hyperparameters {
     /// The defaults for `env`: Table 1's weight is 0.1, and 0.01 for HalfCheetah and Walker2d.
     pub fn for_env(env: EnvId) -> Self {
-        let weight = if matches!(env, EnvId::HalfCheetah | EnvId::Walker2d) { 0.01 } else { 0.1 };
+        let weight = if matches!(env, EnvId::HalfCheetah | EnvId::Walker2d) {
+            0.01
+        } else {
+            0.1
+        };
         Self {
             weight: constant(weight),
             discriminator: discriminator::Hyperparameters::default(),
@@ -124,8 +143,19 @@ impl PolicyUpdate {
 }
 
 /// POfD from `agent` on, against `demonstration`.
-pub fn pofd(hyperparameters: Hyperparameters, agent: Agent, demonstration: &Demonstration, seed: Seed) -> Adversarial {
-    let Hyperparameters { weight, discriminator, policy_update, ppo, trpo } = hyperparameters;
+pub fn pofd(
+    hyperparameters: Hyperparameters,
+    agent: Agent,
+    demonstration: &Demonstration,
+    seed: Seed,
+) -> Adversarial {
+    let Hyperparameters {
+        weight,
+        discriminator,
+        policy_update,
+        ppo,
+        trpo,
+    } = hyperparameters;
     Adversarial {
         discriminator: Discriminator::new(discriminator, demonstration, agent.hidden(), seed),
         task: 1.0,
@@ -154,7 +184,12 @@ mod tests {
         hyperparameters.trpo.critic.learning_rate = constant(1e-2);
         hyperparameters.trpo.critic.minibatch = constant(128);
         let demonstration = one_step::demonstration(100, |s| s + 3.4);
-        let mut pofd = pofd(hyperparameters, one_step::agent(0.5), &demonstration, Seed(0));
+        let mut pofd = pofd(
+            hyperparameters,
+            one_step::agent(0.5),
+            &demonstration,
+            Seed(0),
+        );
         let mut rng = Seed(0).stream(Stream::Update, 0);
         for _ in 0..120 {
             let batch = one_step::batch(pofd.agent(), 512, sparse, &mut rng);
@@ -167,7 +202,10 @@ mod tests {
     fn the_discriminator_leads_to_a_reward_that_is_not_found_without_it() {
         for policy_update in [PolicyUpdate::Ppo, PolicyUpdate::Trpo] {
             let (with, without) = (score(0.1, policy_update), score(0.0, policy_update));
-            assert!(with > 0.5 && without == 0.0, "{policy_update:?}: {with} with it, {without} without");
+            assert!(
+                with > 0.5 && without == 0.0,
+                "{policy_update:?}: {with} with it, {without} without"
+            );
         }
     }
 }

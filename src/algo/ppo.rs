@@ -1,12 +1,13 @@
 //! PPO with the clipped surrogate (Schulman et al., 2017).
 //!
-//! Owns the clipped update, which every first-order method here shares. Knows nothing of where rewards come from: others
-//! hand it a batch with theirs. Start at [`Ppo`].
+//! Owns the clipped update, which every first-order method here shares. Knows nothing of where
+//! rewards come from: others hand it a batch with theirs. Start at [`Ppo`].
 //!
-//! The paper names the clipping, the rate, the penalty and the batch of Table 1. Not from it: 10 epochs, advantages scaled in
-//! each minibatch, gradients clipped at 0.5, no annealing of rate or clipping. Table 1's "batch size" is the minibatch here:
-//! a rollout of 64 steps would be shorter than MountainCar's demonstration. Its L2 penalty is on the value network alone,
-//! and decoupled; see [`critic::Fit`].
+//! The paper names the clipping, the rate, the penalty and the batch of Table 1. Not from it: 10
+//! epochs, advantages scaled in each minibatch, gradients clipped at 0.5, no annealing of rate or
+//! clipping. Table 1's "batch size" is the minibatch here: a rollout of 64 steps would be shorter
+//! than MountainCar's demonstration. Its L2 penalty is on the value network alone, and decoupled;
+//! see [`critic::Fit`].
 
 use nalgebra::DMatrix;
 use rand::seq::SliceRandom;
@@ -30,7 +31,11 @@ use crate::{
 };
 
 /// Raise its revision when what this file computes changes.
-pub static PART: Part = Part { name: "ppo", revision: 1, uses: &[&critic::PART, &gae::PART] };
+pub static PART: Part = Part {
+    name: "ppo",
+    revision: 1,
+    uses: &[&critic::PART, &gae::PART],
+};
 
 /// PPO on the task's reward as an algorithm of the catalogue.
 pub static PPO: Definition<Hyperparameters> = Definition {
@@ -76,7 +81,11 @@ fn start(hyperparameters: Hyperparameters, start: Start) -> Result<Learner, Algo
 
 /// The operations of an update.
 pub(super) fn operations(h: &Hyperparameters, counter: &Counter<'_>) -> Vec<Operations> {
-    vec![counter.values(), counter.policy_epochs(h.epochs), counter.value_epochs(h.epochs)]
+    vec![
+        counter.values(),
+        counter.policy_epochs(h.epochs),
+        counter.value_epochs(h.epochs),
+    ]
 }
 
 /// PPO's hyperparameters; the defaults are the paper's Table 1 where it names one.
@@ -161,12 +170,24 @@ impl Ppo {
     pub fn new(hyperparameters: Hyperparameters, agent: Agent) -> Self {
         let optimizer = Adam::new(agent.policy.dim());
         let critic = Critic::new(&agent.value);
-        Self { hyperparameters, state: State { agent, optimizer, critic }, buffers: Buffers::default() }
+        Self {
+            hyperparameters,
+            state: State {
+                agent,
+                optimizer,
+                critic,
+            },
+            buffers: Buffers::default(),
+        }
     }
 }
 
-/// One step of Adam up the clipped surrogate of the samples `chosen`; gives how many of their ratios were clipped.
-#[expect(clippy::too_many_arguments, reason = "the parts of a borrowed Ppo, and one minibatch")]
+/// One step of Adam up the clipped surrogate of the samples `chosen`; gives how many of their
+/// ratios were clipped.
+#[expect(
+    clippy::too_many_arguments,
+    reason = "the parts of a borrowed Ppo, and one minibatch"
+)]
 fn step(
     hyperparameters: &Hyperparameters,
     agent: &mut Agent,
@@ -177,7 +198,14 @@ fn step(
     chosen: &[usize],
     buffers: &mut Buffers,
 ) -> usize {
-    let Buffers { pass, observations, actions, log_densities, weights, gradient } = buffers;
+    let Buffers {
+        pass,
+        observations,
+        actions,
+        log_densities,
+        weights,
+        gradient,
+    } = buffers;
     let policy = &mut agent.policy;
     gather(&batch.observations, chosen, observations);
     gather(&batch.actions, chosen, actions);
@@ -185,30 +213,54 @@ fn step(
     policy.forward(observations, pass);
     policy.log_densities(pass.output(), actions, log_densities);
 
-    let (centre, scale) = if hyperparameters.normalize_advantages { moments(advantages, chosen) } else { (0.0, 1.0) };
+    let (centre, scale) = if hyperparameters.normalize_advantages {
+        moments(advantages, chosen)
+    } else {
+        (0.0, 1.0)
+    };
     let clip = hyperparameters.clip.get();
     let mut clipped = 0;
     weights.clear();
-    weights.extend(chosen.iter().zip(log_densities.iter()).map(|(&i, &density)| {
-        let advantage = (advantages[i] - centre) / scale;
-        let ratio = (density - old_densities[i]).exp();
-        // Outside the interval, and on the side that the advantage pushes to, the surrogate is flat.
-        let flat = if advantage > 0.0 { ratio > 1.0 + clip } else { ratio < 1.0 - clip };
-        clipped += usize::from((ratio - 1.0).abs() > clip);
-        if flat { 0.0 } else { ratio * advantage / chosen.len() as f64 }
-    }));
+    weights.extend(
+        chosen
+            .iter()
+            .zip(log_densities.iter())
+            .map(|(&i, &density)| {
+                let advantage = (advantages[i] - centre) / scale;
+                let ratio = (density - old_densities[i]).exp();
+                // Outside the interval, and on the side that the advantage pushes to, the surrogate
+                // is flat.
+                let flat = if advantage > 0.0 {
+                    ratio > 1.0 + clip
+                } else {
+                    ratio < 1.0 - clip
+                };
+                clipped += usize::from((ratio - 1.0).abs() > clip);
+                if flat {
+                    0.0
+                } else {
+                    ratio * advantage / chosen.len() as f64
+                }
+            }),
+    );
 
     gradient.resize(policy.dim(), 0.0);
     policy.score(observations, pass, actions, weights, gradient);
     // The entropy of a diagonal Gaussian grows by one nat with each log_std.
     let log_std = gradient.len() - policy.log_std().len();
-    gradient[log_std..].iter_mut().for_each(|g| *g += hyperparameters.entropy_weight.get() as f32);
+    gradient[log_std..]
+        .iter_mut()
+        .for_each(|g| *g += hyperparameters.entropy_weight.get() as f32);
     // Adam goes down.
     let norm = dot(gradient, gradient).sqrt();
     let factor = -(hyperparameters.max_gradient_norm.get() / norm.max(1e-12)).min(1.0) as f32;
     gradient.iter_mut().for_each(|g| *g *= factor);
 
-    optimizer.step_parts(policy.parts_mut(), gradient, hyperparameters.learning_rate.get());
+    optimizer.step_parts(
+        policy.parts_mut(),
+        gradient,
+        hyperparameters.learning_rate.get(),
+    );
     clipped
 }
 
@@ -216,7 +268,11 @@ fn step(
 fn moments(advantages: &[f64], chosen: &[usize]) -> (f64, f64) {
     let n = chosen.len() as f64;
     let mean = chosen.iter().map(|&i| advantages[i]).sum::<f64>() / n;
-    let variance = chosen.iter().map(|&i| (advantages[i] - mean).powi(2)).sum::<f64>() / n;
+    let variance = chosen
+        .iter()
+        .map(|&i| (advantages[i] - mean).powi(2))
+        .sum::<f64>()
+        / n;
     (mean, variance.sqrt() + 1e-8)
 }
 
@@ -230,14 +286,35 @@ impl OnPolicy for Ppo {
     }
 
     fn update(&mut self, batch: &Batch, rng: &mut Rng) -> Result<Update, AlgoError> {
-        let Self { hyperparameters, state: State { agent, optimizer, critic }, buffers } = self;
+        let Self {
+            hyperparameters,
+            state:
+                State {
+                    agent,
+                    optimizer,
+                    critic,
+                },
+            buffers,
+        } = self;
         let mut watch = Stopwatch::start();
-        let (discount, lambda) = (hyperparameters.discount.get(), hyperparameters.gae_lambda.get());
-        let estimate = gae::estimate(batch, &batch.rewards, &agent.value, discount, lambda, &mut buffers.pass);
+        let (discount, lambda) = (
+            hyperparameters.discount.get(),
+            hyperparameters.gae_lambda.get(),
+        );
+        let estimate = gae::estimate(
+            batch,
+            &batch.rewards,
+            &agent.value,
+            discount,
+            lambda,
+            &mut buffers.pass,
+        );
         watch.lap("advantages");
 
         let mut old_densities = vec![0.0; batch.len()];
-        agent.policy.log_densities(batch.means.as_view(), &batch.actions, &mut old_densities);
+        agent
+            .policy
+            .log_densities(batch.means.as_view(), &batch.actions, &mut old_densities);
         let old_log_std = agent.policy.log_std().to_vec();
 
         let mut order: Vec<usize> = (0..batch.len()).collect();
@@ -260,15 +337,25 @@ impl OnPolicy for Ppo {
                 steps += 1;
             }
         }
-        finite("the policy's parameters", dot(&buffers.gradient, &agent.policy.parameters()))?;
+        finite(
+            "the policy's parameters",
+            dot(&buffers.gradient, &agent.policy.parameters()),
+        )?;
         watch.lap("policy");
 
-        let value_loss =
-            critic.fit(&mut agent.value, &batch.observations, &estimate.returns, hyperparameters.critic_fit(), rng)?;
+        let value_loss = critic.fit(
+            &mut agent.value,
+            &batch.observations,
+            &estimate.returns,
+            hyperparameters.critic_fit(),
+            rng,
+        )?;
         watch.lap("value");
 
         agent.policy.forward(&batch.observations, &mut buffers.pass);
-        let kl = agent.policy.kl_from(batch.means.as_view(), &old_log_std, buffers.pass.output());
+        let kl = agent
+            .policy
+            .kl_from(batch.means.as_view(), &old_log_std, buffers.pass.output());
         watch.lap("diagnostics");
         tracing::debug!(steps, kl, value_loss, "ppo");
         Ok(Update {
@@ -307,7 +394,12 @@ mod tests {
         }
     }
 
-    fn train(ppo: &mut Ppo, iterations: usize, reward: fn(f64, f64) -> f64, rng: &mut Rng) -> Vec<Update> {
+    fn train(
+        ppo: &mut Ppo,
+        iterations: usize,
+        reward: fn(f64, f64) -> f64,
+        rng: &mut Rng,
+    ) -> Vec<Update> {
         (0..iterations)
             .map(|_| {
                 let batch = one_step::batch(ppo.agent(), 512, reward, rng);
@@ -321,14 +413,22 @@ mod tests {
         let mut ppo = Ppo::new(hyperparameters(), one_step::agent(0.5));
         let mut rng = Seed(0).stream(Stream::Update, 0);
         let batch = one_step::batch(ppo.agent(), 64, |_, _| f64::NAN, &mut rng);
-        assert!(matches!(ppo.update(&batch, &mut rng), Err(AlgoError::Diverged { .. })));
+        assert!(matches!(
+            ppo.update(&batch, &mut rng),
+            Err(AlgoError::Diverged { .. })
+        ));
     }
 
     #[test]
     fn without_any_reward_the_policy_stands_still() {
         let mut ppo = Ppo::new(hyperparameters(), one_step::agent(0.5));
         let before = ppo.agent().policy.clone();
-        train(&mut ppo, 3, |_, _| 0.0, &mut Seed(0).stream(Stream::Update, 0));
+        train(
+            &mut ppo,
+            3,
+            |_, _| 0.0,
+            &mut Seed(0).stream(Stream::Update, 0),
+        );
         assert_eq!(ppo.agent().policy, before);
     }
 
@@ -350,36 +450,72 @@ mod tests {
         let (batch, other) = (reference.batch(), reference.agent(&reference.other_policy));
         let (mut pass, mut old) = (Pass::default(), vec![0.0; 12]);
         other.policy.forward(&batch.observations, &mut pass);
-        other.policy.log_densities(pass.output(), &batch.actions, &mut old);
+        other
+            .policy
+            .log_densities(pass.output(), &batch.actions, &mut old);
         let unbounded = Hyperparameters {
             learning_rate: constant(1e-2),
             max_gradient_norm: constant(1e6),
             ..Hyperparameters::for_env(EnvId::Hopper)
         };
         let mut ppo = Ppo::new(unbounded, reference.agent(&reference.policy));
-        let Ppo { hyperparameters, state: State { agent, optimizer, .. }, buffers } = &mut ppo;
+        let Ppo {
+            hyperparameters,
+            state: State {
+                agent, optimizer, ..
+            },
+            buffers,
+        } = &mut ppo;
         let (advantages, order): (_, Vec<usize>) = (&reference.ppo.advantages, (0..12).collect());
-        let outside = step(hyperparameters, agent, optimizer, &batch, advantages, &old, &order, buffers);
+        let outside = step(
+            hyperparameters,
+            agent,
+            optimizer,
+            &batch,
+            advantages,
+            &old,
+            &order,
+            buffers,
+        );
         assert_eq!(outside, reference.ppo.outside);
-        reference::assert_near(&buffers.gradient, &reference.ppo.gradient, 10.0 * reference::ROUNDING);
-        reference::assert_near(&agent.policy.parameters(), &reference.ppo.after, reference::ROUNDING);
+        reference::assert_near(
+            &buffers.gradient,
+            &reference.ppo.gradient,
+            10.0 * reference::ROUNDING,
+        );
+        reference::assert_near(
+            &agent.policy.parameters(),
+            &reference.ppo.after,
+            reference::ROUNDING,
+        );
     }
 
     /// The clipped surrogate written out sample by sample, and its slope by finite differences.
     #[test]
     fn one_step_goes_up_the_clipped_surrogate() {
         let mut rng = Seed(4).stream(Stream::Action, 0);
-        let unscaled =
-            Hyperparameters { normalize_advantages: false, max_gradient_norm: constant(1e6), ..hyperparameters() };
+        let unscaled = Hyperparameters {
+            normalize_advantages: false,
+            max_gradient_norm: constant(1e6),
+            ..hyperparameters()
+        };
         let mut ppo = Ppo::new(unscaled, one_step::agent(0.5));
         let batch = one_step::batch(ppo.agent(), 300, |_, _| 0.0, &mut rng);
         let advantages: Vec<f64> = batch.actions.iter().map(|&a| f64::from(a.sin())).collect();
         // Old densities some way off, so that about half of the ratios are clipped.
         let mut old = vec![0.0; 300];
         let mut pass = Pass::default();
-        ppo.state.agent.policy.forward(&batch.observations, &mut pass);
-        ppo.state.agent.policy.log_densities(pass.output(), &batch.actions, &mut old);
-        old.iter_mut().enumerate().for_each(|(i, density)| *density += 0.4 * (i as f64).sin());
+        ppo.state
+            .agent
+            .policy
+            .forward(&batch.observations, &mut pass);
+        ppo.state
+            .agent
+            .policy
+            .log_densities(pass.output(), &batch.actions, &mut old);
+        old.iter_mut()
+            .enumerate()
+            .for_each(|(i, density)| *density += 0.4 * (i as f64).sin());
 
         let surrogate = |policy: &crate::nn::GaussianPolicy| {
             let mut pass = Pass::default();
@@ -395,8 +531,23 @@ mod tests {
         };
         let order: Vec<usize> = (0..300).collect();
         let start = ppo.state.agent.policy.clone();
-        let Ppo { hyperparameters, state: State { agent, optimizer, .. }, buffers } = &mut ppo;
-        let clipped = step(hyperparameters, agent, optimizer, &batch, &advantages, &old, &order, buffers);
+        let Ppo {
+            hyperparameters,
+            state: State {
+                agent, optimizer, ..
+            },
+            buffers,
+        } = &mut ppo;
+        let clipped = step(
+            hyperparameters,
+            agent,
+            optimizer,
+            &batch,
+            &advantages,
+            &old,
+            &order,
+            buffers,
+        );
         assert!(clipped > 50 && clipped < 250, "{clipped}");
         // Adam was handed the gradient's negative.
         let gradient: Vec<f32> = buffers.gradient.iter().map(|g| -g).collect();

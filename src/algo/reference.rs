@@ -1,4 +1,5 @@
-//! Numpy's results for the same inputs, for tests: tests/reference/algorithms.json, which algorithms.py beside it wrote.
+//! Numpy's results for the same inputs, for tests: tests/reference/algorithms.json, which
+//! algorithms.py beside it wrote.
 
 use nalgebra::DMatrix;
 use serde::Deserialize;
@@ -79,26 +80,36 @@ pub struct Discriminator {
 
 /// Reads it.
 pub fn reference() -> Reference {
-    serde_json::from_str(include_str!("../../tests/reference/algorithms.json")).expect("the reference")
+    serde_json::from_str(include_str!("../../tests/reference/algorithms.json"))
+        .expect("the reference")
 }
 
 impl Reference {
-    /// An agent with the policy `parameters` (`[dim]`), the value network, and a normaliser that saw nothing.
+    /// An agent with the policy `parameters` (`[dim]`), the value network, and a normaliser that
+    /// saw nothing.
     pub fn agent(&self, parameters: &[f32]) -> Agent {
         let mut rng = Seed(0).stream(Stream::Network, 0);
         let mut policy = GaussianPolicy::new(3, &HIDDEN, 2, 1.0, &mut rng);
         policy.set_parameters(parameters);
         let mut value = Mlp::new(&[&[3], &HIDDEN[..], &[1]].concat(), 1.0, &mut rng);
         value.parameters_mut().copy_from_slice(&self.gae.value);
-        Agent { policy, value, normalizer: Normalizer::new(3, 10.0) }
+        Agent {
+            policy,
+            value,
+            normalizer: Normalizer::new(3, 10.0),
+        }
     }
 
     /// An episode that terminated, one that the time limit cut, and one that the rollout's end cut.
     pub fn batch(&self) -> Batch {
         let observations = columns(&self.observations).map(|x| x as f32);
         let mut pass = crate::nn::Pass::default();
-        self.agent(&self.policy).policy.forward(&observations, &mut pass);
-        let [cut, end] = [0, 1].map(|i| SegmentEnd::Bootstrapped { last_observation: self.gae.last[i].clone() });
+        self.agent(&self.policy)
+            .policy
+            .forward(&observations, &mut pass);
+        let [cut, end] = [0, 1].map(|i| SegmentEnd::Bootstrapped {
+            last_observation: self.gae.last[i].clone(),
+        });
         Batch {
             raw_observations: columns(&self.observations),
             observations,
@@ -106,8 +117,14 @@ impl Reference {
             actions: columns(&self.actions).map(|x| x as f32),
             rewards: self.gae.rewards.clone(),
             segments: vec![
-                Segment { range: 0..4, end: SegmentEnd::Terminated },
-                Segment { range: 4..9, end: cut },
+                Segment {
+                    range: 0..4,
+                    end: SegmentEnd::Terminated,
+                },
+                Segment {
+                    range: 4..9,
+                    end: cut,
+                },
                 Segment { range: 9..12, end },
             ],
         }
@@ -125,24 +142,43 @@ pub fn assert_near<T: Copy + Into<f64>>(found: &[T], expected: &[f64], tolerance
     assert_eq!(found.len(), expected.len(), "lengths");
     for (i, (&found, &expected)) in found.iter().zip(expected).enumerate() {
         let found = found.into();
-        assert!((found - expected).abs() <= tolerance, "number {i}: {found}, numpy has {expected}");
+        assert!(
+            (found - expected).abs() <= tolerance,
+            "number {i}: {found}, numpy has {expected}"
+        );
     }
 }
 
-/// The rounding error of f32 networks of this size, in losses, gradients and advantages of order one.
+/// The rounding error of f32 networks of this size, in losses, gradients and advantages of order
+/// one.
 pub const ROUNDING: f64 = 2e-6;
 
 #[test]
 fn the_gaussian_is_numpys() {
     let reference = reference();
-    let (agent, other) = (reference.agent(&reference.policy), reference.agent(&reference.other_policy));
+    let (agent, other) = (
+        reference.agent(&reference.policy),
+        reference.agent(&reference.other_policy),
+    );
     let batch = reference.batch();
     let (mut pass, mut other_pass) = (crate::nn::Pass::default(), crate::nn::Pass::default());
     agent.policy.forward(&batch.observations, &mut pass);
     other.policy.forward(&batch.observations, &mut other_pass);
     let mut densities = vec![f64::NAN; batch.len()];
-    agent.policy.log_densities(pass.output(), &batch.actions, &mut densities);
-    assert_near(&densities, &reference.gaussian.log_densities, 10.0 * ROUNDING);
-    let kl = other.policy.kl_from(pass.output(), agent.policy.log_std(), other_pass.output());
-    assert_near(&[kl, agent.policy.entropy()], &[reference.gaussian.kl, reference.gaussian.entropy], ROUNDING);
+    agent
+        .policy
+        .log_densities(pass.output(), &batch.actions, &mut densities);
+    assert_near(
+        &densities,
+        &reference.gaussian.log_densities,
+        10.0 * ROUNDING,
+    );
+    let kl = other
+        .policy
+        .kl_from(pass.output(), agent.policy.log_std(), other_pass.output());
+    assert_near(
+        &[kl, agent.policy.entropy()],
+        &[reference.gaussian.kl, reference.gaussian.entropy],
+        ROUNDING,
+    );
 }

@@ -1,12 +1,13 @@
 //! The parts of the program that decide an algorithm's numbers, and the revision of each.
 //!
-//! Owns the walk from an algorithm to all that it uses: a change in PPO makes the runs of all that train by PPO stale, and
-//! no others. Each part stands beside its code, as its `PART`. Start at [`of`].
+//! Owns the walk from an algorithm to all that it uses: a change in PPO makes the runs of all that
+//! train by PPO stale, and no others. Each part stands beside its code, as its `PART`. Start at
+//! [`of`].
 
 use std::collections::BTreeMap;
 
-/// Networks, the normaliser, rollouts and evaluations, which every run shares. Raise it when one of these gives other
-/// numbers; a change in a solver raises the parts that use it.
+/// Networks, the normaliser, rollouts and evaluations, which every run shares. Raise it when one of
+/// these gives other numbers; a change in a solver raises the parts that use it.
 const TRAINING: u32 = 1;
 
 /// A file that computes something an algorithm's numbers depend on.
@@ -20,8 +21,8 @@ pub struct Part {
     pub uses: &'static [&'static Part],
 }
 
-/// The revisions, by part, that the numbers of an algorithm depend on whose own part is `part`; those of training alone
-/// where it has none.
+/// The revisions, by part, that the numbers of an algorithm depend on whose own part is `part`;
+/// those of training alone where it has none.
 pub fn of(part: Option<&'static Part>) -> BTreeMap<String, u32> {
     let mut revisions = BTreeMap::from([("training".to_owned(), TRAINING)]);
     let mut wanted: Vec<&Part> = part.into_iter().collect();
@@ -38,13 +39,19 @@ mod tests {
 
     #[test]
     fn a_change_makes_its_users_stale_and_no_others() {
-        let revisions = |name: &str| super::of(catalogue::find(name).expect("a known name").about().part);
+        let revisions =
+            |name: &str| super::of(catalogue::find(name).expect("a known name").about().part);
         let users = |part: &str| {
             let names = catalogue::all().map(|entry| entry.about().name);
-            names.filter(|name| revisions(name).contains_key(part)).collect::<Vec<_>>()
+            names
+                .filter(|name| revisions(name).contains_key(part))
+                .collect::<Vec<_>>()
         };
         assert_eq!(users("mcpo"), ["mcpo"]);
-        assert_eq!(users("ppo"), ["ppo", "pretraining", "pofd", "expert", "gail"]);
+        assert_eq!(
+            users("ppo"),
+            ["ppo", "pretraining", "pofd", "expert", "gail"]
+        );
         assert_eq!(users("mimicry"), ["mcpo", "mmd_il", "penalty"]);
         assert_eq!(users("cloning"), ["pretraining", "bc"]);
         assert_eq!(users("training").len(), 11);

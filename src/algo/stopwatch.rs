@@ -12,7 +12,10 @@ pub struct Stopwatch {
 impl Stopwatch {
     /// Starts the first part.
     pub fn start() -> Self {
-        Self { since: Instant::now(), laps: Vec::new() }
+        Self {
+            since: Instant::now(),
+            laps: Vec::new(),
+        }
     }
 
     /// Ends the part `name`, and starts the next; parts of one name add up.

@@ -8,8 +8,9 @@ use crate::quantity::Positive;
 
 /// How far a policy may be from the demonstration; written `d = 1e-3` or `d = { relative = 0.02 }`.
 ///
-/// MMD^2 has the scale of the demonstration's actions: of the paper's tolerances 1e-2 is half of what a policy that does
-/// nothing has in Walker2d, and twenty times as much in InvertedPendulum. A share means the same everywhere.
+/// MMD^2 has the scale of the demonstration's actions: of the paper's tolerances 1e-2 is half of
+/// what a policy that does nothing has in Walker2d, and twenty times as much in InvertedPendulum. A
+/// share means the same everywhere.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Tolerance {
     /// This MMD^2.
@@ -59,7 +60,9 @@ impl<'de> de::Visitor<'de> for Written {
     }
 
     fn visit_f64<E: de::Error>(self, value: f64) -> Result<Tolerance, E> {
-        Positive::try_from(value).map(Tolerance::Absolute).map_err(E::custom)
+        Positive::try_from(value)
+            .map(Tolerance::Absolute)
+            .map_err(E::custom)
     }
 
     fn visit_i64<E: de::Error>(self, value: i64) -> Result<Tolerance, E> {
@@ -74,7 +77,9 @@ impl<'de> de::Visitor<'de> for Written {
         match map.next_key::<String>()? {
             Some(key) if key == RELATIVE => {}
             // A date comes as a map of one private key.
-            Some(key) if key.starts_with("$__") => return Err(de::Error::invalid_type(de::Unexpected::Map, &self)),
+            Some(key) if key.starts_with("$__") => {
+                return Err(de::Error::invalid_type(de::Unexpected::Map, &self));
+            }
             Some(key) => return Err(de::Error::unknown_field(&key, &[RELATIVE])),
             None => return Err(de::Error::missing_field(RELATIVE)),
         }
@@ -114,7 +119,10 @@ mod tests {
 
     fn read(text: &str) -> Result<Tolerance, String> {
         let table: toml::Table = toml::from_str(text).map_err(|error| error.to_string())?;
-        table["d"].clone().try_into().map_err(|error: toml::de::Error| error.message().to_owned())
+        table["d"]
+            .clone()
+            .try_into()
+            .map_err(|error: toml::de::Error| error.message().to_owned())
     }
 
     #[test]
@@ -123,8 +131,14 @@ mod tests {
             ("d = 0", "a finite number above 0"),
             ("d = -1e-3", "a finite number above 0"),
             ("d = { relative = 0.0 }", "a finite number above 0"),
-            ("d = 'small'", "expected a number above 0 or `{ relative = SHARE }`"),
-            ("d = { absolute = 1 }", "unknown field `absolute`, expected `relative`"),
+            (
+                "d = 'small'",
+                "expected a number above 0 or `{ relative = SHARE }`",
+            ),
+            (
+                "d = { absolute = 1 }",
+                "unknown field `absolute`, expected `relative`",
+            ),
             ("d = { relative = 1, more = 2 }", "unknown field `more`"),
             ("d = {}", "missing field `relative`"),
         ] {
@@ -137,16 +151,29 @@ mod tests {
     fn it_is_read_as_it_is_written() {
         for (text, tolerance) in [
             ("d = 0.001\n", Tolerance::Absolute(constant(1e-3))),
-            ("[d]\nrelative = 0.02\n", Tolerance::Relative(constant(0.02))),
+            (
+                "[d]\nrelative = 0.02\n",
+                Tolerance::Relative(constant(0.02)),
+            ),
         ] {
             assert_eq!(read(text), Ok(tolerance));
-            let table = toml::Table::from_iter([("d".to_owned(), toml::Value::try_from(tolerance).expect("a value"))]);
+            let table = toml::Table::from_iter([(
+                "d".to_owned(),
+                toml::Value::try_from(tolerance).expect("a value"),
+            )]);
             assert_eq!(toml::to_string(&table).as_deref(), Ok(text));
             let json = serde_json::to_string(&tolerance).expect("a value");
-            assert_eq!(serde_json::from_str::<Tolerance>(&json).ok(), Some(tolerance), "{json}");
+            assert_eq!(
+                serde_json::from_str::<Tolerance>(&json).ok(),
+                Some(tolerance),
+                "{json}"
+            );
         }
         assert_eq!(read("d = 1"), Ok(Tolerance::Absolute(constant(1.0))));
         assert_eq!(Tolerance::Relative(constant(0.5)).bound(|| 4e-2), 2e-2);
-        assert_eq!(Tolerance::Absolute(constant(0.5)).bound(|| unreachable!("not needed")), 0.5);
+        assert_eq!(
+            Tolerance::Absolute(constant(0.5)).bound(|| unreachable!("not needed")),
+            0.5
+        );
     }
 }

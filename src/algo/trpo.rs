@@ -1,6 +1,7 @@
 //! TRPO (Schulman et al., 2015): MCPO without its constraint.
 //!
-//! Owns the trust-region step on the surrogate alone. Knows nothing of demonstrations. Start at [`Trpo`].
+//! Owns the trust-region step on the surrogate alone. Knows nothing of demonstrations. Start at
+//! [`Trpo`].
 
 use serde::{Deserialize, Serialize};
 
@@ -17,7 +18,11 @@ use super::{
 use crate::{env::EnvId, nn::Pass, rng::Rng};
 
 /// Raise its revision when what this file computes changes.
-pub static PART: Part = Part { name: "trpo", revision: 1, uses: &[&critic::PART, &gae::PART, &trust_region::PART] };
+pub static PART: Part = Part {
+    name: "trpo",
+    revision: 1,
+    uses: &[&critic::PART, &gae::PART, &trust_region::PART],
+};
 
 /// TRPO as an algorithm of the catalogue.
 pub static TRPO: Definition<Hyperparameters> = Definition {
@@ -41,7 +46,11 @@ pub static TRPO: Definition<Hyperparameters> = Definition {
 /// The operations of an update.
 pub(super) fn operations(h: &Hyperparameters, counter: &Counter<'_>) -> Vec<Operations> {
     let mut parts = vec![counter.values(), counter.surrogate_gradient()];
-    parts.extend(trust_region::operations(&h.region, counter.trials(h.region.line_search_steps), counter));
+    parts.extend(trust_region::operations(
+        &h.region,
+        counter.trials(h.region.line_search_steps),
+        counter,
+    ));
     parts.push(counter.value_epochs(h.critic.value_epochs));
     parts
 }
@@ -62,7 +71,10 @@ impl Hyperparameters {
     /// The defaults for `env`.
     pub fn for_env(env: EnvId) -> Self {
         let minibatch = if env == EnvId::MountainCar { 64 } else { 1024 };
-        Self { region: TrustRegion::default(), critic: critic::Hyperparameters::with_minibatch(minibatch) }
+        Self {
+            region: TrustRegion::default(),
+            critic: critic::Hyperparameters::with_minibatch(minibatch),
+        }
     }
 }
 
@@ -84,7 +96,12 @@ impl Trpo {
     /// TRPO from `agent` on.
     pub fn new(hyperparameters: Hyperparameters, agent: Agent) -> Self {
         let critic = Critic::new(&agent.value);
-        Self { hyperparameters, state: State { agent, critic }, pass: Pass::default(), trial_pass: Pass::default() }
+        Self {
+            hyperparameters,
+            state: State { agent, critic },
+            pass: Pass::default(),
+            trial_pass: Pass::default(),
+        }
     }
 }
 
@@ -98,11 +115,23 @@ impl OnPolicy for Trpo {
     }
 
     fn update(&mut self, batch: &Batch, rng: &mut Rng) -> Result<Update, AlgoError> {
-        let Self { hyperparameters: h, state: State { agent, critic }, pass, trial_pass } = self;
+        let Self {
+            hyperparameters: h,
+            state: State { agent, critic },
+            pass,
+            trial_pass,
+        } = self;
         let Hyperparameters { region, critic: c } = h;
         let mut watch = Stopwatch::start();
         let (discount, lambda) = (c.discount.get(), c.gae_lambda.get());
-        let estimate = gae::estimate(batch, &batch.rewards, &agent.value, discount, lambda, trial_pass);
+        let estimate = gae::estimate(
+            batch,
+            &batch.rewards,
+            &agent.value,
+            discount,
+            lambda,
+            trial_pass,
+        );
         watch.lap("advantages");
 
         let surrogate = Surrogate::new(&agent.policy, batch, &estimate.advantages, pass);
@@ -114,18 +143,32 @@ impl OnPolicy for Trpo {
         let step = trust_region::step_of(&solved)?;
         watch.lap("conjugate gradient");
 
-        let improved = region.improve(&mut agent.policy, step, None, |Attempt { policy, fraction, .. }| {
-            let trial = surrogate.measure(policy, trial_pass);
-            let rises = trial.gain >= trust_region::enough(fraction, -solved.objective_change);
-            judged([region.holds(&trial), (rises, "surrogate")], trial)
-        });
+        let improved = region.improve(
+            &mut agent.policy,
+            step,
+            None,
+            |Attempt {
+                 policy, fraction, ..
+             }| {
+                let trial = surrogate.measure(policy, trial_pass);
+                let rises = trial.gain >= trust_region::enough(fraction, -solved.objective_change);
+                judged([region.holds(&trial), (rises, "surrogate")], trial)
+            },
+        );
         watch.lap("line search");
 
-        let value_loss = critic.fit(&mut agent.value, &batch.observations, &estimate.returns, c.fit(), rng)?;
+        let value_loss = critic.fit(
+            &mut agent.value,
+            &batch.observations,
+            &estimate.returns,
+            c.fit(),
+            rng,
+        )?;
         watch.lap("value");
 
-        let (step_fraction, kl, gain) =
-            improved.map_or((0.0, 0.0, 0.0), |found| (found.fraction, found.verdict.kl, found.verdict.gain));
+        let (step_fraction, kl, gain) = improved.map_or((0.0, 0.0, 0.0), |found| {
+            (found.fraction, found.verdict.kl, found.verdict.gain)
+        });
         Ok(Update {
             kl: Some(finite("the KL", kl)?),
             entropy: Some(agent.policy.entropy()),
@@ -183,7 +226,11 @@ mod tests {
         let (trpo, updates) = trained(40);
         let score = one_step::score(trpo.agent(), reward);
         assert!(score > -0.02, "{score}");
-        assert!(updates.iter().all(|update| update.kl <= Some(KL_MARGIN * 2e-2)));
+        assert!(
+            updates
+                .iter()
+                .all(|update| update.kl <= Some(KL_MARGIN * 2e-2))
+        );
     }
 
     #[test]

@@ -1,13 +1,16 @@
-//! The trust-region step on one batch: the surrogate objective, the quadratic model of the KL, and the search along a step.
+//! The trust-region step on one batch: the surrogate objective, the quadratic model of the KL, and
+//! the search along a step.
 //!
-//! Owns what the second-order methods share. Knows nothing of where a constraint beside the KL comes from. Start at
+//! Owns what the second-order methods share. Knows nothing of where a constraint beside the KL
+//! comes from. Start at
 //! [`Surrogate`].
 //!
-//! By default 1,024 samples of a batch, evenly spaced, make the Fisher matrix: products then cost a fourth of what all 4,096
-//! cost. At the same KL the step gains as much in HalfCheetah and Hopper and 3 points in 55 less in Ant, whose 111
-//! observations few samples tell least about; the model's KL is 2, 0 and 24 % off, within [`KL_MARGIN`]; and learning does not
-//! suffer (`experiments/studies/shortcuts`, which also says why conjugate gradient neither stops by its residual nor starts
-//! warm).
+//! By default 1,024 samples of a batch, evenly spaced, make the Fisher matrix: products then cost a
+//! fourth of what all 4,096 cost. At the same KL the step gains as much in HalfCheetah and Hopper
+//! and 3 points in 55 less in Ant, whose 111 observations few samples tell least about; the model's
+//! KL is 2, 0 and 24 % off, within [`KL_MARGIN`]; and learning does not suffer
+//! (`experiments/studies/shortcuts`, which also says why conjugate gradient neither stops by its
+//! residual nor starts warm).
 
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
@@ -30,16 +33,22 @@ use crate::{
 };
 
 /// Raise its revision when what this file computes changes.
-pub static PART: Part = Part { name: "trust_region", revision: 1, uses: &[] };
+pub static PART: Part = Part {
+    name: "trust_region",
+    revision: 1,
+    uses: &[],
+};
 
-/// The line search accepts a real KL up to this multiple of `max_kl`: the quadratic model, whose KL is `max_kl` itself, is
-/// off by some percent either way, and a strict bound would halve every other good step.
+/// The line search accepts a real KL up to this multiple of `max_kl`: the quadratic model, whose KL
+/// is `max_kl` itself, is off by some percent either way, and a strict bound would halve every
+/// other good step.
 pub const KL_MARGIN: f64 = 1.5;
 
 /// The line search wants at least this share of the gain that the linear model promised.
 pub const GAIN_SHARE: f64 = 0.1;
 
-/// The trust region, and how exactly a step in it is found: what second-order methods let a user set of it.
+/// The trust region, and how exactly a step in it is found: what second-order methods let a user
+/// set of it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct TrustRegion {
     /// delta, the bound of the mean KL of one update.
@@ -67,9 +76,9 @@ impl Default for TrustRegion {
 }
 
 impl TrustRegion {
-    /// Minimises `g.x` (`g` `[policy's dim]`) in the trust region around `policy`, as far as `constraint` allows. `pass` holds
-    /// `policy`'s forward pass on `observations` (`[observation_dim x n]`); where not all of them enter the Fisher matrix, it
-    /// is used up.
+    /// Minimises `g.x` (`g` `[policy's dim]`) in the trust region around `policy`, as far as
+    /// `constraint` allows. `pass` holds `policy`'s forward pass on `observations`
+    /// (`[observation_dim x n]`); where not all of them enter the Fisher matrix, it is used up.
     pub fn step(
         &self,
         policy: &GaussianPolicy,
@@ -82,11 +91,17 @@ impl TrustRegion {
         if let Some(some) = &some {
             policy.forward(some, pass);
         }
-        let mut fisher = Fisher::new(policy, some.as_ref().unwrap_or(observations), pass, self.damping.get());
+        let mut fisher = Fisher::new(
+            policy,
+            some.as_ref().unwrap_or(observations),
+            pass,
+            self.damping.get(),
+        );
         constrained_step(&mut fisher, g, constraint, self.max_kl.get(), self.limits())
     }
 
-    /// The way along which b's constraint (`b` `[policy's dim]`) is met again soonest. `pass` is used up.
+    /// The way along which b's constraint (`b` `[policy's dim]`) is met again soonest. `pass` is
+    /// used up.
     pub fn way_back(
         &self,
         policy: &GaussianPolicy,
@@ -97,12 +112,17 @@ impl TrustRegion {
         let some = self.thinned(observations);
         let observations = some.as_ref().unwrap_or(observations);
         policy.forward(observations, pass);
-        way_back(&mut Fisher::new(policy, observations, pass, self.damping.get()), b, self.limits())
+        way_back(
+            &mut Fisher::new(policy, observations, pass, self.damping.get()),
+            b,
+            self.limits(),
+        )
     }
 
-    /// Moves `policy` by the first of 1, 1/2, 1/4 ... of `step` that `judge` accepts, in at most `line_search_steps` trials.
-    /// Where all are rejected the policy is as it was, and `None` comes back. With `corrections`, a trial that exceeds a
-    /// constraint is moved back before the step is halved, see [`line_search::backtrack_corrected`].
+    /// Moves `policy` by the first of 1, 1/2, 1/4 ... of `step` that `judge` accepts, in at most
+    /// `line_search_steps` trials. Where all are rejected the policy is as it was, and `None` comes
+    /// back. With `corrections`, a trial that exceeds a constraint is moved back before the step is
+    /// halved, see [`line_search::backtrack_corrected`].
     pub fn improve<V>(
         &self,
         policy: &mut GaussianPolicy,
@@ -111,17 +131,37 @@ impl TrustRegion {
         mut judge: impl FnMut(Attempt<'_>) -> Result<V, Refused<&'static str>>,
     ) -> Option<Improved<V>> {
         let start = Theta::new(policy.parameters());
-        let (most, way_back) = corrections.map(|Corrections { most, way_back }| (most, way_back)).unzip();
+        let (most, way_back) = corrections
+            .map(|Corrections { most, way_back }| (most, way_back))
+            .unzip();
         let way_back = || way_back.map(|way_back| way_back());
         let trials = self.line_search_steps.size();
-        let found = line_search::backtrack_corrected(&start, step, trials, most.unwrap_or(0), way_back, |trial| {
-            policy.set_parameters(trial.theta.as_slice());
-            judge(Attempt { policy, fraction: trial.fraction, correctable: trial.correctable })
-        });
+        let found = line_search::backtrack_corrected(
+            &start,
+            step,
+            trials,
+            most.unwrap_or(0),
+            way_back,
+            |trial| {
+                policy.set_parameters(trial.theta.as_slice());
+                judge(Attempt {
+                    policy,
+                    fraction: trial.fraction,
+                    correctable: trial.correctable,
+                })
+            },
+        );
         match found {
-            Search::Accepted { fraction, corrections, verdict, .. } => {
-                Some(Improved { fraction, corrections, verdict })
-            }
+            Search::Accepted {
+                fraction,
+                corrections,
+                verdict,
+                ..
+            } => Some(Improved {
+                fraction,
+                corrections,
+                verdict,
+            }),
             Search::Rejected { reasons } => {
                 tracing::debug!(?reasons, "the line search rejected every trial");
                 policy.set_parameters(start.as_slice());
@@ -140,12 +180,19 @@ impl TrustRegion {
         let n = observations.ncols();
         let every = spacing(n, self.fisher_samples.size());
         // Evenly spaced: neighbours in time say nearly the same.
-        (every > 1).then(|| observations.columns_with_step(0, n.div_ceil(every), every - 1).into_owned())
+        (every > 1).then(|| {
+            observations
+                .columns_with_step(0, n.div_ceil(every), every - 1)
+                .into_owned()
+        })
     }
 
     fn limits(&self) -> Limits {
         // Nothing but rounding is left below this.
-        Limits { iterations: self.cg_iterations.size(), relative_residual: 1e-10 }
+        Limits {
+            iterations: self.cg_iterations.size(),
+            relative_residual: 1e-10,
+        }
     }
 }
 
@@ -155,13 +202,26 @@ pub fn spacing(n: usize, most: usize) -> usize {
 }
 
 /// The operations of conjugate gradient, and of the policy's passes in `trials` of the line search.
-pub(super) fn operations(region: &TrustRegion, trials: f64, counter: &Counter<'_>) -> [Operations; 2] {
-    let &Counter { n, policy, update, .. } = counter;
+pub(super) fn operations(
+    region: &TrustRegion,
+    trials: f64,
+    counter: &Counter<'_>,
+) -> [Operations; 2] {
+    let &Counter {
+        n, policy, update, ..
+    } = counter;
     let samples = (n / spacing(n as usize, region.fisher_samples.size()) as f64).ceil();
     let products = update.cg_iterations.unwrap_or(0) as f64;
-    let once = if products > 0.0 { policy.sensitivities } else { 0.0 };
+    let once = if products > 0.0 {
+        policy.sensitivities
+    } else {
+        0.0
+    };
     [
-        ("Fisher products", samples * (products * policy.fisher_product + once)),
+        (
+            "Fisher products",
+            samples * (products * policy.fisher_product + once),
+        ),
         ("line search", trials * n * policy.forward()),
     ]
 }
@@ -195,13 +255,21 @@ pub struct Improved<V> {
     pub verdict: V,
 }
 
-/// The share of the linear model's promise `gain` that a trial at `fraction` of the step must keep; NaN where it is.
+/// The share of the linear model's promise `gain` that a trial at `fraction` of the step must keep;
+/// NaN where it is.
 pub fn enough(fraction: f64, gain: f64) -> f64 {
     GAIN_SHARE * fraction * gain
 }
 
-/// `verdict` if every one of `tests` passes, or else the name of the first that fails. NaN fails any comparison.
-pub fn judged<V, const N: usize>(tests: [(bool, &'static str); N], verdict: V) -> Result<V, Refused<&'static str>> {
+/// `verdict` if every one of `tests` passes. NaN fails any comparison.
+///
+/// # Errors
+///
+/// The name of the first test that fails.
+pub fn judged<V, const N: usize>(
+    tests: [(bool, &'static str); N],
+    verdict: V,
+) -> Result<V, Refused<&'static str>> {
     match tests.into_iter().find(|(passed, _)| !passed) {
         None => Ok(verdict),
         Some((_, failed)) => Err(Refused::Because(failed)),
@@ -214,11 +282,16 @@ pub fn judged<V, const N: usize>(tests: [(bool, &'static str); N], verdict: V) -
 ///
 /// The problem has none: training diverged.
 pub fn step_of(solved: &ConstrainedStep) -> Result<&Step, AlgoError> {
-    let undefined = AlgoError::Undefined { q: solved.q, r: solved.r, s: solved.s };
+    let undefined = AlgoError::Undefined {
+        q: solved.q,
+        r: solved.r,
+        s: solved.s,
+    };
     solved.step.as_ref().ok_or(undefined)
 }
 
-/// `L(theta) = mean over the batch of (pi_theta(a|s) / pi_old(a|s)) A(s, a)`, with what the old policy made of the batch.
+/// `L(theta) = mean over the batch of (pi_theta(a|s) / pi_old(a|s)) A(s, a)`, with what the old
+/// policy made of the batch.
 pub struct Surrogate<'a> {
     batch: &'a Batch,
     advantages: &'a [f64],
@@ -238,12 +311,23 @@ pub struct Trial {
 }
 
 impl<'a> Surrogate<'a> {
-    /// The surrogate of `advantages` (`[n]`) on `batch`, which `policy` collected. Leaves `policy`'s forward pass in `pass`.
-    pub fn new(policy: &GaussianPolicy, batch: &'a Batch, advantages: &'a [f64], pass: &mut Pass) -> Self {
+    /// The surrogate of `advantages` (`[n]`) on `batch`, which `policy` collected. Leaves
+    /// `policy`'s forward pass in `pass`.
+    pub fn new(
+        policy: &GaussianPolicy,
+        batch: &'a Batch,
+        advantages: &'a [f64],
+        pass: &mut Pass,
+    ) -> Self {
         policy.forward(&batch.observations, pass);
         let mut old_densities = vec![0.0; batch.len()];
         policy.log_densities(pass.output(), &batch.actions, &mut old_densities);
-        Self { batch, advantages, old_log_std: policy.log_std().to_vec(), old_densities }
+        Self {
+            batch,
+            advantages,
+            old_log_std: policy.log_std().to_vec(),
+            old_densities,
+        }
     }
 
     /// The batch.
@@ -261,7 +345,13 @@ impl<'a> Surrogate<'a> {
         let n = weights.len() as f64;
         let shares: Vec<f64> = weights.iter().map(|weight| weight / n).collect();
         let mut gradient = vec![0.0; policy.dim()];
-        policy.score(&self.batch.observations, pass, &self.batch.actions, &shares, &mut gradient);
+        policy.score(
+            &self.batch.observations,
+            pass,
+            &self.batch.actions,
+            &shares,
+            &mut gradient,
+        );
         gradient
     }
 
@@ -271,12 +361,20 @@ impl<'a> Surrogate<'a> {
         let mut ratios = vec![0.0; self.batch.len()];
         trial.log_densities(pass.output(), &self.batch.actions, &mut ratios);
         let mut gain = 0.0;
-        for ((ratio, old), advantage) in ratios.iter_mut().zip(&self.old_densities).zip(self.advantages) {
+        for ((ratio, old), advantage) in ratios
+            .iter_mut()
+            .zip(&self.old_densities)
+            .zip(self.advantages)
+        {
             *ratio = (*ratio - old).exp();
             gain += (*ratio - 1.0) * advantage;
         }
         let kl = trial.kl_from(self.batch.means.as_view(), &self.old_log_std, pass.output());
-        Trial { gain: gain / self.batch.len() as f64, kl, ratios }
+        Trial {
+            gain: gain / self.batch.len() as f64,
+            kl,
+            ratios,
+        }
     }
 }
 
@@ -295,7 +393,9 @@ mod tests {
         let agent = one_step::agent(0.5);
         let some = DMatrix::from_fn(1, 30, |_, i| (0.7 * i as f32).sin());
         let all = DMatrix::from_fn(1, 120, |_, i| some[i / 4]);
-        let g: Vec<f32> = (0..agent.policy.dim()).map(|i| (1.3 * i as f32).cos()).collect();
+        let g: Vec<f32> = (0..agent.policy.dim())
+            .map(|i| (1.3 * i as f32).cos())
+            .collect();
         let step = |observations: &DMatrix<f32>, fisher_samples: i64| {
             let region = TrustRegion {
                 max_kl: constant(1e-2),
@@ -308,26 +408,52 @@ mod tests {
             region.step(&agent.policy, observations, &mut pass, &g, None)
         };
         assert_eq!(step(&all, 30), step(&some, 30));
-        assert_eq!(step(&all, 39), step(&some, 30), "as few as an even spacing needs");
+        assert_eq!(
+            step(&all, 39),
+            step(&some, 30),
+            "as few as an even spacing needs"
+        );
         let (thinned, whole) = (step(&all, 30), step(&all, 120));
-        assert!(thinned != whole, "sums of four times as many samples round otherwise");
-        assert!((thinned.q / whole.q - 1.0).abs() < 1e-5, "{} and {}", thinned.q, whole.q);
+        assert!(
+            thinned != whole,
+            "sums of four times as many samples round otherwise"
+        );
+        assert!(
+            (thinned.q / whole.q - 1.0).abs() < 1e-5,
+            "{} and {}",
+            thinned.q,
+            whole.q
+        );
     }
 
     #[test]
     fn the_gradient_is_the_slope_of_the_measured_gain() {
         let agent = one_step::agent(0.5);
-        let batch = one_step::batch(&agent, 200, |_, _| 0.0, &mut Seed(2).stream(Stream::Action, 0));
-        let advantages: Vec<f64> = batch.actions.iter().map(|&a| f64::from(a) * 2.0 + 0.3).collect();
+        let batch = one_step::batch(
+            &agent,
+            200,
+            |_, _| 0.0,
+            &mut Seed(2).stream(Stream::Action, 0),
+        );
+        let advantages: Vec<f64> = batch
+            .actions
+            .iter()
+            .map(|&a| f64::from(a) * 2.0 + 0.3)
+            .collect();
         let (mut pass, mut trial_pass) = (Pass::default(), Pass::default());
         let surrogate = Surrogate::new(&agent.policy, &batch, &advantages, &mut pass);
         let gradient = surrogate.gradient(&agent.policy, &mut pass);
 
         let here = surrogate.measure(&agent.policy, &mut trial_pass);
-        assert_eq!((here.gain, here.kl), (0.0, 0.0), "the old policy gains nothing over itself");
+        assert_eq!(
+            (here.gain, here.kl),
+            (0.0, 0.0),
+            "the old policy gains nothing over itself"
+        );
 
-        // Along the gradient itself and along log_std alone. A central difference of step h is off by O(h^2) and by f32
-        // rounding of the densities over h: at h = 3e-3 both are far below the tolerance of 1 %.
+        // Along the gradient itself and along log_std alone. A central difference of step h is off
+        // by O(h^2) and by f32 rounding of the densities over h: at h = 3e-3 both are far below the
+        // tolerance of 1 %.
         let mut along_log_std = vec![0.0; gradient.len()];
         along_log_std[gradient.len() - 1] = 1.0;
         let norm = dot(&gradient, &gradient).sqrt() as f32;
@@ -335,14 +461,21 @@ mod tests {
         for direction in [unit, along_log_std] {
             let mut gain_at = |h: f32| {
                 let mut trial = agent.policy.clone();
-                let moved: Vec<f32> =
-                    trial.parameters().iter().zip(&direction).map(|(p, along)| p + h * along).collect();
+                let moved: Vec<f32> = trial
+                    .parameters()
+                    .iter()
+                    .zip(&direction)
+                    .map(|(p, along)| p + h * along)
+                    .collect();
                 trial.set_parameters(&moved);
                 surrogate.measure(&trial, &mut trial_pass).gain
             };
             let slope = (gain_at(3e-3) - gain_at(-3e-3)) / 6e-3;
             let expected = dot(&gradient, &direction);
-            assert!((slope - expected).abs() < 0.01 * expected.abs(), "{slope} against {expected}");
+            assert!(
+                (slope - expected).abs() < 0.01 * expected.abs(),
+                "{slope} against {expected}"
+            );
         }
     }
 }

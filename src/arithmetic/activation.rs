@@ -1,30 +1,47 @@
 //! A tanh layer's activations and their derivatives, each in one pass over memory.
 //!
-//! Matrices are flat, column after column, one column a sample. The slope `1 - h^2` is rounded once, which keeps its digits
-//! where h is near 1; a CPU without fused multiplication rounds it twice.
+//! Matrices are flat, column after column, one column a sample. The slope `1 - h^2` is rounded
+//! once, which keeps its digits where h is near 1; a CPU without fused multiplication rounds it
+//! twice.
 
 use pulp::{Arch, Simd, WithSimd};
 
 use super::elementary::{mul_add, tanh_of};
 
-/// Activations from a layer's sums: replaces each column x of `values` (`[rows x n]`) by `tanh(x + bias)`, with the errors
-/// of [`tanh`](super::tanh).
+/// Activations from a layer's sums: replaces each column x of `values` (`[rows x n]`) by `tanh(x +
+/// bias)`, with the errors of [`tanh`](super::tanh).
 pub fn tanh_biased(values: &mut [f32], bias: &[f32]) {
     Arch::new().dispatch(Biased { values, bias });
 }
 
-/// Their derivative along a direction: replaces each column x of `values` (`[rows x n]`) by `(x + bias) (1 - h^2)`, where
-/// `bias` is the bias's part of the direction, and h the same column of `activations` (`[rows x n]`).
+/// Their derivative along a direction: replaces each column x of `values` (`[rows x n]`) by `(x +
+/// bias) (1 - h^2)`, where `bias` is the bias's part of the direction, and h the same column of
+/// `activations` (`[rows x n]`).
 pub fn tanh_tangent(values: &mut [f32], bias: &[f32], activations: &[f32]) {
-    assert_eq!(values.len(), activations.len(), "an activation for each value");
-    Arch::new().dispatch(Tangent { values, bias, activations });
+    assert_eq!(
+        values.len(),
+        activations.len(),
+        "an activation for each value"
+    );
+    Arch::new().dispatch(Tangent {
+        values,
+        bias,
+        activations,
+    });
 }
 
-/// The derivative by the layer's sums, from that by its activations: replaces each x of `values` by `x (1 - h^2)`, where h
-/// is the same element of `activations`.
+/// The derivative by the layer's sums, from that by its activations: replaces each x of `values` by
+/// `x (1 - h^2)`, where h is the same element of `activations`.
 pub fn tanh_cotangent(values: &mut [f32], activations: &[f32]) {
-    assert_eq!(values.len(), activations.len(), "an activation for each value");
-    Arch::new().dispatch(Cotangent { values, activations });
+    assert_eq!(
+        values.len(),
+        activations.len(),
+        "an activation for each value"
+    );
+    Arch::new().dispatch(Cotangent {
+        values,
+        activations,
+    });
 }
 
 struct Biased<'a> {
@@ -38,7 +55,10 @@ impl WithSimd for Biased<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
         for column in self.values.chunks_exact_mut(self.bias.len()) {
-            column.iter_mut().zip(self.bias).for_each(|(x, b)| *x = tanh_of::<S>(*x + b));
+            column
+                .iter_mut()
+                .zip(self.bias)
+                .for_each(|(x, b)| *x = tanh_of::<S>(*x + b));
         }
     }
 }
@@ -55,7 +75,11 @@ impl WithSimd for Tangent<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
         let rows = self.bias.len();
-        for (column, activations) in self.values.chunks_exact_mut(rows).zip(self.activations.chunks_exact(rows)) {
+        for (column, activations) in self
+            .values
+            .chunks_exact_mut(rows)
+            .zip(self.activations.chunks_exact(rows))
+        {
             for ((x, b), h) in column.iter_mut().zip(self.bias).zip(activations) {
                 *x = (*x + b) * slope::<S>(*h);
             }
@@ -73,7 +97,10 @@ impl WithSimd for Cotangent<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        self.values.iter_mut().zip(self.activations).for_each(|(x, h)| *x *= slope::<S>(*h));
+        self.values
+            .iter_mut()
+            .zip(self.activations)
+            .for_each(|(x, h)| *x *= slope::<S>(*h));
     }
 }
 
@@ -91,7 +118,10 @@ mod tests {
 
     /// A matrix of five columns and a bias, without a pattern.
     fn problem() -> (Vec<f32>, Vec<f32>) {
-        ((0..ROWS * 5).map(|i| (i as f32 * 1.7).cos()).collect(), (0..ROWS).map(|i| (i as f32).sin()).collect())
+        (
+            (0..ROWS * 5).map(|i| (i as f32 * 1.7).cos()).collect(),
+            (0..ROWS).map(|i| (i as f32).sin()).collect(),
+        )
     }
 
     #[test]
@@ -103,7 +133,11 @@ mod tests {
     #[test]
     fn tanh_biased_is_tanh_of_the_sum() {
         let (mut values, bias) = problem();
-        let mut expected: Vec<f32> = values.iter().zip(bias.iter().cycle()).map(|(x, b)| x + b).collect();
+        let mut expected: Vec<f32> = values
+            .iter()
+            .zip(bias.iter().cycle())
+            .map(|(x, b)| x + b)
+            .collect();
         super::super::tanh(&mut expected);
         tanh_biased(&mut values, &bias);
         assert_eq!(values, expected);
@@ -132,6 +166,10 @@ mod tests {
         let exact = (1.0 - f64::from(activation).powi(2)) as f32;
         // Rounded twice it is a multiple of half a unit in the last place of 1.
         assert_ne!((exact / (0.5 * f32::EPSILON)).fract(), 0.0);
-        assert!(slope[0] == exact || matches!(Arch::new(), Arch::Scalar), "{}, {exact}", slope[0]);
+        assert!(
+            slope[0] == exact || matches!(Arch::new(), Arch::Scalar),
+            "{}, {exact}",
+            slope[0]
+        );
     }
 }

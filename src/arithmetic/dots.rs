@@ -1,7 +1,8 @@
 //! Products whose result has few rows, as dot products of columns.
 //!
-//! A tile of [`product`](super::product) would leave most of a vector empty. Each dot product here is sixteen sums, each over
-//! every sixteenth element, added up as halves, quarters and so on: the same bits in any batch and on any width of registers.
+//! A tile of [`product`](super::product) would leave most of a vector empty. Each dot product here
+//! is sixteen sums, each over every sixteenth element, added up as halves, quarters and so on: the
+//! same bits in any batch and on any width of registers.
 
 use std::array;
 
@@ -11,9 +12,14 @@ use pulp::{Arch, Simd, WithSimd};
 /// Partial sums of a dot product.
 const SUMS: usize = 16;
 
-/// `c = a^T b + beta c`: the dot products of `a`'s columns with `b`'s. Shapes `[k x m] [k x n] [m x n]`, for m of a few. What
-/// was in `c` is ignored where `beta` is zero.
-pub fn product_of_columns(a: DMatrixView<'_, f32>, b: DMatrixView<'_, f32>, beta: f32, c: DMatrixViewMut<'_, f32>) {
+/// `c = a^T b + beta c`: the dot products of `a`'s columns with `b`'s. Shapes `[k x m] [k x n] [m x
+/// n]`, for m of a few. What was in `c` is ignored where `beta` is zero.
+pub fn product_of_columns(
+    a: DMatrixView<'_, f32>,
+    b: DMatrixView<'_, f32>,
+    beta: f32,
+    c: DMatrixViewMut<'_, f32>,
+) {
     assert_eq!(a.nrows(), b.nrows(), "inner dimensions of a product");
     assert_eq!(c.shape(), (a.ncols(), b.ncols()), "the shape of a product");
     Arch::new().dispatch(Dots { a, b, beta, c });
@@ -64,11 +70,24 @@ impl Dots<'_> {
         }
     }
 
-    /// The dot products of `A` columns of `a`, from `row` on, with `B` columns of `b`, from `column` on.
+    /// The dot products of `A` columns of `a`, from `row` on, with `B` columns of `b`, from
+    /// `column` on.
     #[inline(always)]
-    fn tile<S: Simd, const V: usize, const A: usize, const B: usize>(&mut self, simd: S, row: usize, column: usize) {
-        let left: [_; A] = array::from_fn(|i| self.a.column(row + i).data.into_slice().as_chunks::<SUMS>());
-        let right: [_; B] = array::from_fn(|j| self.b.column(column + j).data.into_slice().as_chunks::<SUMS>());
+    fn tile<S: Simd, const V: usize, const A: usize, const B: usize>(
+        &mut self,
+        simd: S,
+        row: usize,
+        column: usize,
+    ) {
+        let left: [_; A] =
+            array::from_fn(|i| self.a.column(row + i).data.into_slice().as_chunks::<SUMS>());
+        let right: [_; B] = array::from_fn(|j| {
+            self.b
+                .column(column + j)
+                .data
+                .into_slice()
+                .as_chunks::<SUMS>()
+        });
         let mut sums = [[[simd.splat_f32s(0.0); V]; B]; A];
         for l in 0..left[0].0.len() {
             add(
@@ -84,13 +103,22 @@ impl Dots<'_> {
                 block[..rest.len()].copy_from_slice(rest);
                 load(simd, &block)
             };
-            add(simd, &mut sums, array::from_fn(|i| filled(left[i].1)), array::from_fn(|j| filled(right[j].1)));
+            add(
+                simd,
+                &mut sums,
+                array::from_fn(|i| filled(left[i].1)),
+                array::from_fn(|j| filled(right[j].1)),
+            );
         }
         for (i, sums) in sums.into_iter().enumerate() {
             for (j, sums) in sums.into_iter().enumerate() {
                 let place = &mut self.c[(row + i, column + j)];
                 let sum = total::<S, V>(sums);
-                *place = if self.beta == 0.0 { sum } else { sum + self.beta * *place };
+                *place = if self.beta == 0.0 {
+                    sum
+                } else {
+                    sum + self.beta * *place
+                };
             }
         }
     }
@@ -136,7 +164,9 @@ mod tests {
     use super::*;
 
     fn matrix(rows: usize, columns: usize, seed: f32) -> DMatrix<f32> {
-        DMatrix::from_fn(rows, columns, |i, j| ((i * columns + j) as f32 * 1.7 + seed).sin())
+        DMatrix::from_fn(rows, columns, |i, j| {
+            ((i * columns + j) as f32 * 1.7 + seed).sin()
+        })
     }
 
     #[test]
@@ -148,10 +178,21 @@ mod tests {
 
     #[test]
     fn it_agrees_with_plain_loops() {
-        for (m, k, n) in [(1, 1, 1), (3, 16, 5), (6, 400, 9), (8, 300, 4), (1, 37, 13), (5, 0, 2)] {
+        for (m, k, n) in [
+            (1, 1, 1),
+            (3, 16, 5),
+            (6, 400, 9),
+            (8, 300, 4),
+            (1, 37, 13),
+            (5, 0, 2),
+        ] {
             for beta in [0.0, 1.0, -0.5] {
                 let (a, b) = (matrix(k, m, 1.0), matrix(k, n, 2.0));
-                let before = if beta == 0.0 { DMatrix::from_element(m, n, f32::NAN) } else { matrix(m, n, 3.0) };
+                let before = if beta == 0.0 {
+                    DMatrix::from_element(m, n, f32::NAN)
+                } else {
+                    matrix(m, n, 3.0)
+                };
                 let mut c = before.clone();
                 product_of_columns(a.as_view(), b.as_view(), beta, c.as_view_mut());
                 for (i, j) in (0..m).flat_map(|i| (0..n).map(move |j| (i, j))) {
@@ -161,10 +202,16 @@ mod tests {
                         .zip(b.column(j).iter())
                         .map(|(&x, &y)| f64::from(x) * f64::from(y))
                         .sum::<f64>();
-                    let exact =
-                        if beta == 0.0 { products } else { products + f64::from(beta) * f64::from(before[(i, j)]) };
+                    let exact = if beta == 0.0 {
+                        products
+                    } else {
+                        products + f64::from(beta) * f64::from(before[(i, j)])
+                    };
                     // k roundings of sums below k, in sixteenths.
-                    assert!((f64::from(c[(i, j)]) - exact).abs() <= 1e-7 * k as f64 + 1e-6, "{m} {k} {n}: ({i}, {j})");
+                    assert!(
+                        (f64::from(c[(i, j)]) - exact).abs() <= 1e-7 * k as f64 + 1e-6,
+                        "{m} {k} {n}: ({i}, {j})"
+                    );
                 }
             }
         }
@@ -185,10 +232,17 @@ mod tests {
     #[cfg(target_arch = "x86_64")]
     #[test]
     fn bits_do_not_depend_on_the_width_of_registers() {
-        let Some(narrow) = pulp::x86::V3::try_new() else { return };
+        let Some(narrow) = pulp::x86::V3::try_new() else {
+            return;
+        };
         let (a, b) = (matrix(309, 6, 1.0), matrix(309, 11, 2.0));
         let (mut with_narrow, mut with_best) = (DMatrix::zeros(6, 11), DMatrix::zeros(6, 11));
-        let dots = Dots { a: a.as_view(), b: b.as_view(), beta: 0.0, c: with_narrow.as_view_mut() };
+        let dots = Dots {
+            a: a.as_view(),
+            b: b.as_view(),
+            beta: 0.0,
+            c: with_narrow.as_view_mut(),
+        };
         Simd::vectorize(narrow, dots);
         product_of_columns(a.as_view(), b.as_view(), 0.0, with_best.as_view_mut());
         assert_eq!(with_narrow, with_best);

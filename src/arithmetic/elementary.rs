@@ -1,13 +1,14 @@
 //! Powers of two and tanh of whole slices.
 //!
-//! Both take a multiple of the period out of the argument (Cody and Waite, 1980) and evaluate a polynomial. Every lane does
-//! what a single number would, so the bits do not depend on where in a slice a number stands, nor on the width of the
-//! registers; only CPUs without fused multiplication (x86 before 2013) give other last bits, as with the products.
+//! Both take a multiple of the period out of the argument (Cody and Waite, 1980) and evaluate a
+//! polynomial. Every lane does what a single number would, so the bits do not depend on where in a
+//! slice a number stands, nor on the width of the registers; only CPUs without fused multiplication
+//! (x86 before 2013) give other last bits, as with the products.
 
 use pulp::{Arch, Simd, WithSimd};
 
-/// Replaces each x by 2^x, where x is 0 or below: above 0 counts as 0, and below -126 as -126, so that every result is a
-/// normal number, 1 at most. NaN stays NaN.
+/// Replaces each x by 2^x, where x is 0 or below: above 0 counts as 0, and below -126 as -126, so
+/// that every result is a normal number, 1 at most. NaN stays NaN.
 ///
 /// Relative error at most 2e-7.
 pub fn exp2_nonpositive(values: &mut [f32]) {
@@ -16,8 +17,9 @@ pub fn exp2_nonpositive(values: &mut [f32]) {
 
 /// Replaces each number by its hyperbolic tangent.
 ///
-/// At most 2.7 units in the last place from the exact result, near zero too; odd to the bit, 1 in magnitude from 9.02 on and
-/// never beyond; NaN stays NaN. Where the argument grows, no value falls by more than 2 units.
+/// At most 2.7 units in the last place from the exact result, near zero too; odd to the bit, 1 in
+/// magnitude from 9.02 on and never beyond; NaN stays NaN. Where the argument grows, no value falls
+/// by more than 2 units.
 pub fn tanh(values: &mut [f32]) {
     Arch::new().dispatch(Tanh { values });
 }
@@ -48,10 +50,15 @@ impl WithSimd for Tanh<'_> {
     }
 }
 
-/// `a b + c`, rounded once where vectors of `S` are: with one lane there is no fused instruction, and imitating it is slow.
+/// `a b + c`, rounded once where vectors of `S` are: with one lane there is no fused instruction,
+/// and imitating it is slow.
 #[inline(always)]
 pub(super) fn mul_add<S: Simd>(a: f32, b: f32, c: f32) -> f32 {
-    if S::F32_LANES == 1 { a * b + c } else { a.mul_add(b, c) }
+    if S::F32_LANES == 1 {
+        a * b + c
+    } else {
+        a.mul_add(b, c)
+    }
 }
 
 /// 1.5 2^23: adding it leaves the nearest integer in the low bits, in every instruction set.
@@ -65,7 +72,10 @@ fn power_of_two(shifted: f32) -> f32 {
 
 #[inline(always)]
 pub(super) fn exp2_of<S: Simd>(x: f32) -> f32 {
-    #[expect(clippy::approx_constant, reason = "the minimax polynomial's, three units in the last place below ln 2")]
+    #[expect(
+        clippy::approx_constant,
+        reason = "the minimax polynomial's, three units in the last place below ln 2"
+    )]
     const SLOPE: f32 = 0.693_147;
     // Written so that NaN passes.
     let x = if x > 0.0 { 0.0 } else { x };
@@ -89,11 +99,12 @@ pub(super) fn tanh_of<S: Simd>(x: f32) -> f32 {
     // tanh |x| = m / (m + 1), where m is half of e^2|x| - 1.
     let y = x.abs();
     let y = if y > 9.5 { 9.5 } else { y }; // NaN passes
-    // 2 y = n ln 2 + 2 r with integer n and |r| <= 0.1733. One constant's rounding, times n, errs by 6e-9 at most where
-    // tanh is not yet 1 by as much.
+    // 2 y = n ln 2 + 2 r with integer n and |r| <= 0.1733. One constant's rounding, times n, errs
+    // by 6e-9 at most where tanh is not yet 1 by as much.
     let shifted = mul_add::<S>(y, 2.0 * std::f32::consts::LOG2_E, SHIFT);
     let r = mul_add::<S>(shifted - SHIFT, -HALF_LN_2, y);
-    // (e^2r - 1) / 2 = r + r^2 q: the relative error of this minimax polynomial is 1.4e-8 before rounding.
+    // (e^2r - 1) / 2 = r + r^2 q: the relative error of this minimax polynomial is 1.4e-8 before
+    // rounding.
     let q = 4.442_407e-2;
     let q = mul_add::<S>(q, r, 0.133_864_3);
     let q = mul_add::<S>(q, r, 0.333_337_6);
@@ -110,7 +121,8 @@ pub(super) fn tanh_of<S: Simd>(x: f32) -> f32 {
 mod tests {
     use super::*;
 
-    /// Every 997th number of f32, of both signs: about 4.3 million, with zeros, subnormals, infinities and NaN among them.
+    /// Every 997th number of f32, of both signs: about 4.3 million, with zeros, subnormals,
+    /// infinities and NaN among them.
     fn numbers() -> Vec<f32> {
         let mut numbers: Vec<f32> = (0..=u32::MAX).step_by(997).map(f32::from_bits).collect();
         // Where the interesting things happen, much denser.
@@ -124,9 +136,13 @@ mod tests {
         2f64.powi(exponent - 23)
     }
 
-    /// The largest distance of `function` from `exact`, in units of the last place, and where it is. Asserts that both are
-    /// NaN at the same places.
-    fn worst_error(function: impl Fn(f32) -> f32, exact: fn(f64) -> f64, arguments: &[f32]) -> (f64, f32) {
+    /// The largest distance of `function` from `exact`, in units of the last place, and where it
+    /// is. Asserts that both are NaN at the same places.
+    fn worst_error(
+        function: impl Fn(f32) -> f32,
+        exact: fn(f64) -> f64,
+        arguments: &[f32],
+    ) -> (f64, f32) {
         let mut worst = (0.0, 0.0);
         for &x in arguments {
             let (y, exact) = (function(x), exact(f64::from(x)));
@@ -139,7 +155,8 @@ mod tests {
         worst
     }
 
-    /// The fused and the unfused arithmetic, number by number. (Without their instructions the fused one is slow.)
+    /// The fused and the unfused arithmetic, number by number. (Without their instructions the
+    /// fused one is slow.)
     #[cfg(target_arch = "x86_64")]
     type Fused = pulp::x86::V3;
     #[cfg(target_arch = "aarch64")]
@@ -153,31 +170,73 @@ mod tests {
 
     #[test]
     fn exp2_is_within_its_bound() {
-        let clamped = |x: f64| if x.is_nan() { x } else { x.clamp(-126.0, 0.0).exp2() };
-        for (name, function) in [("fused", exp2_of::<Fused> as fn(f32) -> f32), ("unfused", exp2_of::<Unfused>)] {
+        let clamped = |x: f64| {
+            if x.is_nan() {
+                x
+            } else {
+                x.clamp(-126.0, 0.0).exp2()
+            }
+        };
+        for (name, function) in [
+            ("fused", exp2_of::<Fused> as fn(f32) -> f32),
+            ("unfused", exp2_of::<Unfused>),
+        ] {
             for x in numbers() {
                 let (y, exact) = (f64::from(function(x)), clamped(f64::from(x)));
                 assert_eq!(y.is_nan(), exact.is_nan(), "{name} at {x}: {y}");
-                assert!(x.is_nan() || (y / exact - 1.0).abs() <= 2e-7, "{name} at {x}: {y}, {exact}");
+                assert!(
+                    x.is_nan() || (y / exact - 1.0).abs() <= 2e-7,
+                    "{name} at {x}: {y}, {exact}"
+                );
             }
         }
     }
 
     #[test]
     fn exp2_at_the_ends() {
-        let mut values = [0.0, -0.0, 1e-30, 3.0, f32::INFINITY, -1.0, -125.0, -126.0, -1e30, f32::NEG_INFINITY];
+        let mut values = [
+            0.0,
+            -0.0,
+            1e-30,
+            3.0,
+            f32::INFINITY,
+            -1.0,
+            -125.0,
+            -126.0,
+            -1e30,
+            f32::NEG_INFINITY,
+        ];
         exp2_nonpositive(&mut values);
         let least = f32::MIN_POSITIVE;
-        assert_eq!(values, [1.0, 1.0, 1.0, 1.0, 1.0, 0.5, 2.0 * least, least, least, least]);
+        assert_eq!(
+            values,
+            [
+                1.0,
+                1.0,
+                1.0,
+                1.0,
+                1.0,
+                0.5,
+                2.0 * least,
+                least,
+                least,
+                least
+            ]
+        );
         // Whatever a NaN carries.
-        let mut values: Vec<f32> = (0..1 << 12).map(|bits| f32::from_bits(0x7fc0_0000 | bits)).collect();
+        let mut values: Vec<f32> = (0..1 << 12)
+            .map(|bits| f32::from_bits(0x7fc0_0000 | bits))
+            .collect();
         exp2_nonpositive(&mut values);
         assert!(values.iter().all(|x| x.is_nan()));
     }
 
     #[test]
     fn tanh_is_within_its_bound() {
-        for (name, function) in [("fused", tanh_of::<Fused> as fn(f32) -> f32), ("unfused", tanh_of::<Unfused>)] {
+        for (name, function) in [
+            ("fused", tanh_of::<Fused> as fn(f32) -> f32),
+            ("unfused", tanh_of::<Unfused>),
+        ] {
             let (error, x) = worst_error(function, f64::tanh, &numbers());
             assert!(error <= 2.7, "{name}: {error} at {x}");
         }
@@ -189,7 +248,9 @@ mod tests {
         let (first, last) = (2e-8f32.to_bits(), 9.6f32.to_bits());
         let (mut before, mut largest_fall) = (0, 0);
         for start in (first..last).step_by(1 << 16) {
-            let mut values: Vec<f32> = (start..last.min(start + (1 << 16))).map(f32::from_bits).collect();
+            let mut values: Vec<f32> = (start..last.min(start + (1 << 16)))
+                .map(f32::from_bits)
+                .collect();
             tanh(&mut values);
             for value in values {
                 largest_fall = largest_fall.max(before - value.to_bits() as i32);
@@ -197,8 +258,10 @@ mod tests {
             }
         }
         assert!(largest_fall <= 2, "by {largest_fall} units");
-        let mut values: Vec<f32> =
-            (9.02f32.to_bits()..=f32::INFINITY.to_bits()).step_by(97).map(f32::from_bits).collect();
+        let mut values: Vec<f32> = (9.02f32.to_bits()..=f32::INFINITY.to_bits())
+            .step_by(97)
+            .map(f32::from_bits)
+            .collect();
         tanh(&mut values);
         assert!(values.iter().all(|&y| y == 1.0));
     }
@@ -206,14 +269,31 @@ mod tests {
     #[test]
     fn tanh_is_odd_bounded_and_exact_at_the_ends() {
         let arguments: Vec<f32> = numbers().into_iter().filter(|x| !x.is_nan()).collect();
-        let (mut plus, mut minus) = (arguments.clone(), arguments.iter().map(|x| -x).collect::<Vec<_>>());
+        let (mut plus, mut minus) = (
+            arguments.clone(),
+            arguments.iter().map(|x| -x).collect::<Vec<_>>(),
+        );
         tanh(&mut plus);
         tanh(&mut minus);
-        assert!(plus.iter().zip(&minus).all(|(p, m)| p.to_bits() == (-m).to_bits()));
+        assert!(
+            plus.iter()
+                .zip(&minus)
+                .all(|(p, m)| p.to_bits() == (-m).to_bits())
+        );
         assert!(plus.iter().all(|y| y.abs() <= 1.0));
-        let mut ends = [0.0, -0.0, 30.0, f32::INFINITY, f32::NEG_INFINITY, f32::MIN_POSITIVE / 4.0];
+        let mut ends = [
+            0.0,
+            -0.0,
+            30.0,
+            f32::INFINITY,
+            f32::NEG_INFINITY,
+            f32::MIN_POSITIVE / 4.0,
+        ];
         tanh(&mut ends);
-        assert_eq!(ends.map(f32::to_bits), [0.0, -0.0, 1.0, 1.0, -1.0, f32::MIN_POSITIVE / 4.0].map(f32::to_bits));
+        assert_eq!(
+            ends.map(f32::to_bits),
+            [0.0, -0.0, 1.0, 1.0, -1.0, f32::MIN_POSITIVE / 4.0].map(f32::to_bits)
+        );
         // What is too small to be changed.
         for x in (0..2e-8f32.to_bits()).step_by(9973).map(f32::from_bits) {
             let mut value = [x];
@@ -225,7 +305,10 @@ mod tests {
     #[test]
     fn bits_depend_neither_on_the_place_in_the_slice_nor_on_the_width_of_registers() {
         let numbers: Vec<f32> = (0..1000).map(|i| (i as f32 - 500.0) * 0.0137).collect();
-        let exp2 = (exp2_nonpositive as fn(&mut [f32]), [exp2_of::<Fused> as fn(f32) -> f32, exp2_of::<Unfused>]);
+        let exp2 = (
+            exp2_nonpositive as fn(&mut [f32]),
+            [exp2_of::<Fused> as fn(f32) -> f32, exp2_of::<Unfused>],
+        );
         for (function, [fused, unfused]) in [exp2, (tanh, [tanh_of::<Fused>, tanh_of::<Unfused>])] {
             let mut together = numbers.clone();
             function(&mut together);

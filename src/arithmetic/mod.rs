@@ -1,7 +1,8 @@
-//! f32 arithmetic at the machine's rate: products of matrices, and powers of two and tanh of whole slices.
+//! f32 arithmetic at the machine's rate: products of matrices, and powers of two and tanh of whole
+//! slices.
 //!
-//! Owns the choice of instructions, which is made at run time, so that one binary serves every CPU of its kind. Knows
-//! nothing of networks or kernels. Start at [`product`].
+//! Owns the choice of instructions, which is made at run time, so that one binary serves every CPU
+//! of its kind. Knows nothing of networks or kernels. Start at [`product`].
 //!
 //! (The design has no such module: both `nn` and `demo` need these, and neither may use the other.)
 

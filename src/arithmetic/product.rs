@@ -1,46 +1,89 @@
 //! Products of f32 matrices.
 //!
-//! Each element is one chain of fused multiplications and additions in the order of the inner index, whatever the shape,
-//! its place in it, and the width of the machine's registers. So the columns of `a b` have the same bits alone and in any
-//! batch, which neither nalgebra nor the usual libraries promise; only CPUs without fused multiplication (x86 before 2013)
-//! give other last bits.
+//! Each element is one chain of fused multiplications and additions in the order of the inner
+//! index, whatever the shape, its place in it, and the width of the machine's registers. So the
+//! columns of `a b` have the same bits alone and in any batch, which neither nalgebra nor the usual
+//! libraries promise; only CPUs without fused multiplication (x86 before 2013) give other last
+//! bits.
 //!
-//! A tile of the result stays in registers while columns of `a` stream past it. Nothing is packed or allocated: a column
-//! of `a` is read as it lies. At the shapes of this crate's networks that is measured at 1.2 times the rate of
-//! `matrixmultiply` for a thousand columns and three times for eight, with AVX-512 and without. It is meant for factors
-//! that fit a second-level cache; an inner dimension of many thousands is better cut by the caller.
+//! A tile of the result stays in registers while columns of `a` stream past it. Nothing is packed
+//! or allocated: a column of `a` is read as it lies. At the shapes of this crate's networks that is
+//! measured at 1.2 times the rate of `matrixmultiply` for a thousand columns and three times for
+//! eight, with AVX-512 and without. It is meant for factors that fit a second-level cache; an inner
+//! dimension of many thousands is better cut by the caller.
 
 use std::{array, ops::Range};
 
 use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut};
 use pulp::{Arch, Simd, WithSimd};
 
-/// `c = a b + beta c`. Shapes `[m x k] [k x n] [m x n]`. What was in `c` is ignored where `beta` is zero.
-pub fn product(a: DMatrixView<'_, f32>, b: DMatrixView<'_, f32>, beta: f32, c: DMatrixViewMut<'_, f32>) {
+/// `c = a b + beta c`. Shapes `[m x k] [k x n] [m x n]`. What was in `c` is ignored where `beta` is
+/// zero.
+pub fn product(
+    a: DMatrixView<'_, f32>,
+    b: DMatrixView<'_, f32>,
+    beta: f32,
+    c: DMatrixViewMut<'_, f32>,
+) {
     assert_eq!(a.ncols(), b.nrows(), "inner dimensions of a product");
     assert_eq!(c.shape(), (a.nrows(), b.ncols()), "the shape of a product");
-    Arch::new().dispatch(Product { a, right: Right::Plain(b), beta, c });
+    Arch::new().dispatch(Product {
+        a,
+        right: Right::Plain(b),
+        beta,
+        c,
+    });
 }
 
 /// `c = a^T b + beta c`. Shapes `[k x m] [k x n] [m x n]`. Allocates a transposed copy of `a`.
-pub fn product_tn(a: DMatrixView<'_, f32>, b: DMatrixView<'_, f32>, beta: f32, c: DMatrixViewMut<'_, f32>) {
+pub fn product_tn(
+    a: DMatrixView<'_, f32>,
+    b: DMatrixView<'_, f32>,
+    beta: f32,
+    c: DMatrixViewMut<'_, f32>,
+) {
     let transposed: DMatrix<f32> = a.transpose();
     product(transposed.as_view(), b, beta, c);
 }
 
 /// `c = a b^T + beta c`. Shapes `[m x k] [n x k] [m x n]`.
-pub fn product_nt(a: DMatrixView<'_, f32>, b: DMatrixView<'_, f32>, beta: f32, c: DMatrixViewMut<'_, f32>) {
+pub fn product_nt(
+    a: DMatrixView<'_, f32>,
+    b: DMatrixView<'_, f32>,
+    beta: f32,
+    c: DMatrixViewMut<'_, f32>,
+) {
     assert_eq!(a.ncols(), b.ncols(), "inner dimensions of a product");
     assert_eq!(c.shape(), (a.nrows(), b.nrows()), "the shape of a product");
-    Arch::new().dispatch(Product { a, right: Right::Transposed(b), beta, c });
+    Arch::new().dispatch(Product {
+        a,
+        right: Right::Transposed(b),
+        beta,
+        c,
+    });
 }
 
-/// `c = a [b^T 1] + beta c`: beside `a b^T`, in `c`'s last column, the sum of `a`'s columns. Shapes `[m x k] [n x k]
+/// `c = a [b^T 1] + beta c`: beside `a b^T`, in `c`'s last column, the sum of `a`'s columns. Shapes
+/// `[m x k] [n x k]
 /// [m x (n + 1)]`.
-pub fn product_nt_and_sum(a: DMatrixView<'_, f32>, b: DMatrixView<'_, f32>, beta: f32, c: DMatrixViewMut<'_, f32>) {
+pub fn product_nt_and_sum(
+    a: DMatrixView<'_, f32>,
+    b: DMatrixView<'_, f32>,
+    beta: f32,
+    c: DMatrixViewMut<'_, f32>,
+) {
     assert_eq!(a.ncols(), b.ncols(), "inner dimensions of a product");
-    assert_eq!(c.shape(), (a.nrows(), b.nrows() + 1), "the shape of a product");
-    Arch::new().dispatch(Product { a, right: Right::TransposedAndOnes(b), beta, c });
+    assert_eq!(
+        c.shape(),
+        (a.nrows(), b.nrows() + 1),
+        "the shape of a product"
+    );
+    Arch::new().dispatch(Product {
+        a,
+        right: Right::TransposedAndOnes(b),
+        beta,
+        c,
+    });
 }
 
 /// The right factor.
@@ -65,15 +108,19 @@ impl WithSimd for Product<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        // The tile, a column's part of `a` and a number of `b` fill the registers, and the tile has sums enough to hide a
-        // multiplication's latency.
-        if S::REGISTER_COUNT >= 32 { self.tiles::<S, 3, 8>(simd) } else { self.tiles::<S, 2, 6>(simd) }
+        // The tile, a column's part of `a` and a number of `b` fill the registers, and the tile has
+        // sums enough to hide a multiplication's latency.
+        if S::REGISTER_COUNT >= 32 {
+            self.tiles::<S, 3, 8>(simd)
+        } else {
+            self.tiles::<S, 2, 6>(simd)
+        }
     }
 }
 
 impl Product<'_> {
-    /// Tiles of `V` vectors by `N` columns; at the lower edge of one, maybe partial, vector; at the right edge some
-    /// columns are computed twice.
+    /// Tiles of `V` vectors by `N` columns; at the lower edge of one, maybe partial, vector; at the
+    /// right edge some columns are computed twice.
     #[inline(always)]
     fn tiles<S: Simd, const V: usize, const N: usize>(mut self, simd: S) {
         let (rows, columns) = self.c.shape();
@@ -117,8 +164,11 @@ impl Product<'_> {
         let (rows, last) = (row..row + height, width - 1);
         let sums = match &self.right {
             Right::Plain(b) => {
-                let columns: [&[f32]; N] = array::from_fn(|j| &column_of(b, column + j.min(last))[..self.a.ncols()]);
-                sums::<S, V, N>(simd, &self.a, &rows, |l| array::from_fn(|j| simd.splat_f32s(columns[j][l])))
+                let columns: [&[f32]; N] =
+                    array::from_fn(|j| &column_of(b, column + j.min(last))[..self.a.ncols()]);
+                sums::<S, V, N>(simd, &self.a, &rows, |l| {
+                    array::from_fn(|j| simd.splat_f32s(columns[j][l]))
+                })
             }
             Right::Transposed(b) | Right::TransposedAndOnes(b) if column + N <= b.nrows() => {
                 sums::<S, V, N>(simd, &self.a, &rows, |l| {
@@ -127,10 +177,14 @@ impl Product<'_> {
                 })
             }
             // At the right edge; past `b` are the ones.
-            Right::Transposed(b) | Right::TransposedAndOnes(b) => sums::<S, V, N>(simd, &self.a, &rows, |l| {
-                let numbers = &column_of(b, l)[column..];
-                array::from_fn(|j| simd.splat_f32s(numbers.get(j.min(last)).copied().unwrap_or(1.0)))
-            }),
+            Right::Transposed(b) | Right::TransposedAndOnes(b) => {
+                sums::<S, V, N>(simd, &self.a, &rows, |l| {
+                    let numbers = &column_of(b, l)[column..];
+                    array::from_fn(|j| {
+                        simd.splat_f32s(numbers.get(j.min(last)).copied().unwrap_or(1.0))
+                    })
+                })
+            }
         };
         let beta = simd.splat_f32s(self.beta);
         for (j, sums) in sums.into_iter().enumerate().take(width) {
@@ -209,14 +263,26 @@ mod tests {
     }
 
     /// Plain loops in f64.
-    fn assert_is_product(a: &DMatrix<f32>, b: &DMatrix<f32>, beta: f32, before: &DMatrix<f32>, c: &DMatrix<f32>) {
+    fn assert_is_product(
+        a: &DMatrix<f32>,
+        b: &DMatrix<f32>,
+        beta: f32,
+        before: &DMatrix<f32>,
+        c: &DMatrix<f32>,
+    ) {
         for i in 0..a.nrows() {
             for j in 0..b.ncols() {
-                let sum: f64 = (0..a.ncols()).map(|l| f64::from(a[(i, l)]) * f64::from(b[(l, j)])).sum();
+                let sum: f64 = (0..a.ncols())
+                    .map(|l| f64::from(a[(i, l)]) * f64::from(b[(l, j)]))
+                    .sum();
                 let exact = sum + f64::from(beta) * f64::from(before[(i, j)]);
-                // Rounding of k additions of numbers below 1, each at most 2^-24 of the sum's magnitude.
+                // Rounding of k additions of numbers below 1, each at most 2^-24 of the sum's
+                // magnitude.
                 let tolerance = 1e-7 * a.ncols() as f64 + 1e-6;
-                assert!((f64::from(c[(i, j)]) - exact).abs() <= tolerance, "({i}, {j})");
+                assert!(
+                    (f64::from(c[(i, j)]) - exact).abs() <= tolerance,
+                    "({i}, {j})"
+                );
             }
         }
     }
@@ -230,7 +296,14 @@ mod tests {
 
     #[test]
     fn all_agree_with_plain_loops() {
-        for (m, k, n) in [(1, 1, 1), (3, 2, 5), (17, 300, 8), (40, 17, 33), (6, 400, 70), (65, 515, 9)] {
+        for (m, k, n) in [
+            (1, 1, 1),
+            (3, 2, 5),
+            (17, 300, 8),
+            (40, 17, 33),
+            (6, 400, 70),
+            (65, 515, 9),
+        ] {
             for beta in [0.0, 1.0, -0.5] {
                 let (a, b, before) = (matrix(m, k, 1), matrix(k, n, 2), matrix(m, n, 3));
                 let mut c = before.clone();
@@ -242,7 +315,10 @@ mod tests {
                 let mut c = before.clone();
                 product_nt(a.as_view(), b.transpose().as_view(), beta, c.as_view_mut());
                 assert_is_product(&a, &b, beta, &before, &c);
-                let (with_ones, before) = (b.clone().insert_column(n, 1.0), before.insert_column(n, 0.3));
+                let (with_ones, before) = (
+                    b.clone().insert_column(n, 1.0),
+                    before.insert_column(n, 0.3),
+                );
                 let mut c = before.clone();
                 product_nt_and_sum(a.as_view(), b.transpose().as_view(), beta, c.as_view_mut());
                 assert_is_product(&a, &with_ones, beta, &before, &c);
@@ -257,7 +333,13 @@ mod tests {
         let before = c.clone();
         product(inner_a, inner_b, 1.0, c.view_mut((3, 4), (5, 6)));
         let part = |m: &DMatrix<f32>| m.view((3, 4), (5, 6)).into_owned();
-        assert_is_product(&inner_a.into_owned(), &inner_b.into_owned(), 1.0, &part(&before), &part(&c));
+        assert_is_product(
+            &inner_a.into_owned(),
+            &inner_b.into_owned(),
+            1.0,
+            &part(&before),
+            &part(&c),
+        );
         c.view_mut((3, 4), (5, 6)).copy_from(&part(&before));
         assert_eq!(c, before);
     }
@@ -270,7 +352,12 @@ mod tests {
         assert!(c.iter().all(|x| x.is_finite()));
         // Also when there is nothing to sum.
         let mut c = DMatrix::from_element(5, 6, f32::NAN);
-        product(DMatrix::zeros(5, 0).as_view(), DMatrix::zeros(0, 6).as_view(), 0.0, c.as_view_mut());
+        product(
+            DMatrix::zeros(5, 0).as_view(),
+            DMatrix::zeros(0, 6).as_view(),
+            0.0,
+            c.as_view_mut(),
+        );
         assert!(c.iter().all(|&x| x == 0.0));
     }
 
@@ -299,12 +386,22 @@ mod tests {
     #[cfg(target_arch = "x86_64")]
     #[test]
     fn bits_do_not_depend_on_the_width_of_registers() {
-        let Some(narrow) = pulp::x86::V3::try_new() else { return };
+        let Some(narrow) = pulp::x86::V3::try_new() else {
+            return;
+        };
         for (m, k, n) in [(100, 17, 13), (6, 300, 9), (35, 64, 1)] {
             let (a, b, before) = (matrix(m, k, 1), matrix(k, n, 2), matrix(m, n, 3));
             let (mut with_narrow, mut with_best) = (before.clone(), before.clone());
             let right = Right::Plain(b.as_view());
-            Simd::vectorize(narrow, Product { a: a.as_view(), right, beta: 1.0, c: with_narrow.as_view_mut() });
+            Simd::vectorize(
+                narrow,
+                Product {
+                    a: a.as_view(),
+                    right,
+                    beta: 1.0,
+                    c: with_narrow.as_view_mut(),
+                },
+            );
             product(a.as_view(), b.as_view(), 1.0, with_best.as_view_mut());
             assert_eq!(with_narrow, with_best, "{m} x {k} x {n}");
         }

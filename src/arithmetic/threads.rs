@@ -1,7 +1,8 @@
 //! Threads that share the work of one run.
 //!
-//! How many there are belongs to the process and not to what is computed: whoever shares work cuts it in the same pieces, and
-//! adds in the same order, for any number of them. A test trains with several and compares bits.
+//! How many there are belongs to the process and not to what is computed: whoever shares work cuts
+//! it in the same pieces, and adds in the same order, for any number of them. A test trains with
+//! several and compares bits.
 
 use std::{
     sync::{
@@ -13,7 +14,8 @@ use std::{
 
 static COUNT: AtomicUsize = AtomicUsize::new(1);
 
-/// Lets everything that is computed in this process from now on share `count` threads, one at least.
+/// Lets everything that is computed in this process from now on share `count` threads, one at
+/// least.
 pub fn set(count: usize) {
     COUNT.store(count.max(1), Ordering::Relaxed);
 }
@@ -23,10 +25,14 @@ pub fn count() -> usize {
     COUNT.load(Ordering::Relaxed)
 }
 
-/// Does `work` on each of `items`, dealt to as many threads as there are `rooms`, one room each. A single room's items come
-/// one after the other on this thread, and nothing is allocated. (Starting a thread takes some 20 microseconds: what is
-/// shared should take a millisecond.)
-pub fn share<R: Send, I: Send>(rooms: &mut [R], items: impl Iterator<Item = I>, work: impl Fn(&mut R, I) + Sync) {
+/// Does `work` on each of `items`, dealt to as many threads as there are `rooms`, one room each. A
+/// single room's items come one after the other on this thread, and nothing is allocated. (Starting
+/// a thread takes some 20 microseconds: what is shared should take a millisecond.)
+pub fn share<R: Send, I: Send>(
+    rooms: &mut [R],
+    items: impl Iterator<Item = I>,
+    work: impl Fn(&mut R, I) + Sync,
+) {
     let [own, others @ ..] = rooms else { return };
     if others.is_empty() {
         items.for_each(|item| work(own, item));
@@ -45,7 +51,8 @@ pub fn share<R: Send, I: Send>(rooms: &mut [R], items: impl Iterator<Item = I>, 
     });
 }
 
-/// Something that threads change one after the other, in the order of their numbers, whoever is ready first.
+/// Something that threads change one after the other, in the order of their numbers, whoever is
+/// ready first.
 pub struct InOrder<T> {
     state: Mutex<State<T>>,
     moved: Condvar,
@@ -59,17 +66,28 @@ struct State<T> {
 impl<T> InOrder<T> {
     /// `value`, which number 0 changes first.
     pub fn new(value: T) -> Self {
-        Self { state: Mutex::new(State { next: 0, value }), moved: Condvar::new() }
+        Self {
+            state: Mutex::new(State { next: 0, value }),
+            moved: Condvar::new(),
+        }
     }
 
-    /// Makes what number `number` has to add, waits for its turn, and adds it; gives what is left. Panics when another
-    /// thread panicked before its turn.
-    pub fn in_turn<M, L>(&self, number: usize, make: impl FnOnce() -> M, add: impl FnOnce(&mut T, M) -> L) -> L {
+    /// Makes what number `number` has to add, waits for its turn, and adds it; gives what is left.
+    /// Panics when another thread panicked before its turn.
+    pub fn in_turn<M, L>(
+        &self,
+        number: usize,
+        make: impl FnOnce() -> M,
+        add: impl FnOnce(&mut T, M) -> L,
+    ) -> L {
         let alarm = Alarm(self);
         let made = make();
         let mut state = self.lock();
         while state.next < number {
-            state = self.moved.wait(state).unwrap_or_else(PoisonError::into_inner);
+            state = self
+                .moved
+                .wait(state)
+                .unwrap_or_else(PoisonError::into_inner);
         }
         assert!(state.next == number, "another thread failed");
         let left = add(&mut state.value, made);
@@ -106,7 +124,11 @@ mod tests {
     fn a_panic_in_one_thread_ends_the_others_that_wait_for_it() {
         let sum = InOrder::new(0);
         share(&mut [(); 3], 0..9, |(), number| {
-            sum.in_turn(number, || assert!(number != 1, "number 1 has nothing to add"), |sum, ()| *sum += 1);
+            sum.in_turn(
+                number,
+                || assert!(number != 1, "number 1 has nothing to add"),
+                |sum, ()| *sum += 1,
+            );
         });
     }
 
@@ -118,7 +140,8 @@ mod tests {
             share(&mut rooms, 0..17, |done, number| {
                 *done += 1;
                 // The later ones are ready first.
-                let wait = || thread::sleep(std::time::Duration::from_micros(100 * (17 - number as u64)));
+                let wait =
+                    || thread::sleep(std::time::Duration::from_micros(100 * (17 - number as u64)));
                 order.in_turn(number, wait, |order, ()| order.push(number));
             });
             assert_eq!(rooms.iter().sum::<usize>(), 17);

@@ -24,7 +24,13 @@ impl AddAssign for Seconds {
 pub fn timed<T>(work: impl FnOnce() -> T) -> (T, Seconds) {
     let (wall, cpu) = (Instant::now(), cpu_seconds());
     let result = work();
-    (result, Seconds { wall: wall.elapsed().as_secs_f64(), cpu: cpu_seconds() - cpu })
+    (
+        result,
+        Seconds {
+            wall: wall.elapsed().as_secs_f64(),
+            cpu: cpu_seconds() - cpu,
+        },
+    )
 }
 
 fn cpu_seconds() -> f64 {

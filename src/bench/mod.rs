@@ -1,11 +1,12 @@
 //! How fast training is, and how fast this core could do it.
 //!
-//! Owns the measuring of a few iterations and the floor under them: the physics alone on the same steps, and the
+//! Owns the measuring of a few iterations and the floor under them: the physics alone on the same
+//! steps, and the
 //! [operations] of the networks' passes at the rate of the best product. Knows nothing of how this is shown. Start
 //! at [`measure`].
 //!
-//! Ratios are taken by CPU time, which other work on the machine does not stretch (it still takes caches and clock rate
-//! away); on an idle machine the wall's says the same.
+//! Ratios are taken by CPU time, which other work on the machine does not stretch (it still takes
+//! caches and clock rate away); on an idle machine the wall's says the same.
 
 mod clock;
 mod rate;
@@ -129,21 +130,24 @@ impl Serialize for Parts {
     }
 }
 
-/// Trains as `spec` says for one iteration to warm up and `iterations` more, on one core. Evaluations are left out; of
-/// recording, which is a checkpoint now and then, the checkpoint's share counts.
+/// Trains as `spec` says for one iteration to warm up and `iterations` more, on one core.
+/// Evaluations are left out; of recording, which is a checkpoint now and then, the checkpoint's
+/// share counts.
 ///
 /// # Errors
 ///
 /// Training fails, the algorithm takes no steps, or a checkpoint cannot be written.
 pub fn measure(spec: &RunSpec, iterations: u64) -> Result<Measured, BenchError> {
-    let Learner::OnPolicy(mut algorithm) = build::learner(spec, &mut build::cloned, &mut || {})? else {
+    let Learner::OnPolicy(mut algorithm) = build::learner(spec, &mut build::cloned, &mut || {})?
+    else {
         return Err(BenchError::NoRollouts(spec.algorithm_name()));
     };
     let shapes = shapes(spec, algorithm.as_ref())?;
     let mut rollout = Rollout::new(build::tasks(spec, shapes.environments)?, spec.seed);
     let mut bare = Rollout::new(build::tasks(spec, shapes.environments)?, spec.seed);
     let mut updates = spec.seed.stream(Stream::Update, 0);
-    let (mut spent, mut physics, mut rate) = (Seconds::default(), Seconds::default(), Rate::default());
+    let (mut spent, mut physics, mut rate) =
+        (Seconds::default(), Seconds::default(), Rate::default());
     let (mut phases, mut operations) = (Parts::default(), Parts::default());
     let (mut cases, mut cg_iterations) = (BTreeMap::new(), None);
     for iteration in 0..=iterations {
@@ -165,18 +169,29 @@ pub fn measure(spec: &RunSpec, iterations: u64) -> Result<Measured, BenchError> 
         physics += replaying;
         let stepping = collected.physics.as_secs_f64();
         phases.add("physics", stepping);
-        phases.add("inference and rest of the rollout", collecting.wall - stepping);
+        phases.add(
+            "inference and rest of the rollout",
+            collecting.wall - stepping,
+        );
         for (part, seconds) in &update.seconds {
             phases.add(part, *seconds);
         }
         let known: f64 = update.seconds.iter().map(|(_, seconds)| seconds).sum();
         phases.add("rest of the update", updating.wall - known);
         let cut = |end: &SegmentEnd| matches!(end, SegmentEnd::Bootstrapped { .. });
-        let cuts = collected.batch.segments.iter().filter(|segment| cut(&segment.end)).count();
+        let cuts = collected
+            .batch
+            .segments
+            .iter()
+            .filter(|segment| cut(&segment.end))
+            .count();
         for (part, number) in operations::of_iteration(&spec.algorithm, &shapes, cuts, &update) {
             operations.add(part, number);
         }
-        cg_iterations = update.cg_iterations.map(|more| cg_iterations.unwrap_or(0) + more).or(cg_iterations);
+        cg_iterations = update
+            .cg_iterations
+            .map(|more| cg_iterations.unwrap_or(0) + more)
+            .or(cg_iterations);
         if let Some(case) = update.case {
             *cases.entry(case).or_default() += 1;
         }
@@ -184,7 +199,10 @@ pub fn measure(spec: &RunSpec, iterations: u64) -> Result<Measured, BenchError> 
 
     let checkpoint = checkpoint_seconds(algorithm.as_ref(), &rollout)?;
     let every = spec.checkpoint.every_seconds.get();
-    let recording = Seconds { wall: checkpoint.wall * spent.wall / every, cpu: checkpoint.cpu * spent.cpu / every };
+    let recording = Seconds {
+        wall: checkpoint.wall * spent.wall / every,
+        cpu: checkpoint.cpu * spent.cpu / every,
+    };
     spent += recording;
     phases.add("recording", recording.wall);
 
@@ -236,8 +254,13 @@ fn shapes(spec: &RunSpec, algorithm: &dyn OnPolicy) -> Result<Shapes, TrainError
 fn checkpoint_seconds(algorithm: &dyn OnPolicy, rollout: &Rollout) -> Result<Seconds, BenchError> {
     let folder = tempfile::tempdir()?;
     let (written, seconds) = timed(|| {
-        let state = postcard::to_stdvec(&(algorithm.save(), rollout.save())).expect("numbers always serialise");
-        Checkpoint { state, ..Checkpoint::default() }.write(&folder.path().join("checkpoint"), "bench")
+        let state = postcard::to_stdvec(&(algorithm.save(), rollout.save()))
+            .expect("numbers always serialise");
+        Checkpoint {
+            state,
+            ..Checkpoint::default()
+        }
+        .write(&folder.path().join("checkpoint"), "bench")
     });
     written?;
     Ok(seconds)

@@ -23,7 +23,8 @@ pub struct BenchArguments {
     /// The algorithm
     #[arg(long, value_parser = PossibleValuesParser::new(Algorithm::names()))]
     algorithm: String,
-    /// Set a key as in a matrix file, such as rollout.environments=1 or algorithms.mcpo.cg_iterations=5
+    /// Set a key as in a matrix file, such as rollout.environments=1 or
+    /// algorithms.mcpo.cg_iterations=5
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
     /// Iterations to measure, after one to warm up
@@ -37,7 +38,11 @@ pub struct BenchArguments {
 /// Measures, and shows it.
 pub fn run(arguments: &BenchArguments) -> anyhow::Result<ExitCode> {
     let measured = bench::measure(&spec(arguments)?, arguments.iterations.into())?;
-    let text = if arguments.json { serde_json::to_string_pretty(&measured)? + "\n" } else { show(&measured) };
+    let text = if arguments.json {
+        serde_json::to_string_pretty(&measured)? + "\n"
+    } else {
+        show(&measured)
+    };
     print(&text)?;
     Ok(ExitCode::SUCCESS)
 }
@@ -45,28 +50,47 @@ pub fn run(arguments: &BenchArguments) -> anyhow::Result<ExitCode> {
 /// What is wrong, without the lines of a matrix file that nobody wrote.
 fn invalid(errors: SpecErrors) -> anyhow::Error {
     let told = errors.iter().map(|error| {
-        let more = [&error.label, &error.help].into_iter().flatten().map(|more| format!("; {more}"));
+        let more = [&error.label, &error.help]
+            .into_iter()
+            .flatten()
+            .map(|more| format!("; {more}"));
         format!("{error}{}", more.collect::<String>())
     });
     anyhow::anyhow!(told.collect::<Vec<_>>().join("\n"))
 }
 
-/// The run that is meant: of a matrix file that would stand in `experiments`, beside the demonstrations.
+/// The run that is meant: of a matrix file that would stand in `experiments`, beside the
+/// demonstrations.
 fn spec(arguments: &BenchArguments) -> anyhow::Result<RunSpec> {
-    let BenchArguments { env, algorithm, set, .. } = arguments;
+    let BenchArguments {
+        env,
+        algorithm,
+        set,
+        ..
+    } = arguments;
     let text = format!(
         "name = 'bench'\nbudget.env_steps = 1_000_000_000\n\
          [[matrix]]\nseed = [0]\nenv = ['{env}']\nalgorithm = ['{algorithm}']\n"
     );
-    let overrides = Overrides { set: set.clone(), axis: Vec::new() };
-    let spec = spec::parse(Path::new("experiments/bench.toml"), &text, &overrides).map_err(invalid)?;
+    let overrides = Overrides {
+        set: set.clone(),
+        axis: Vec::new(),
+    };
+    let spec =
+        spec::parse(Path::new("experiments/bench.toml"), &text, &overrides).map_err(invalid)?;
     let run = plan::plan(&spec)?.remove(0);
     spec.ready(run.demonstration.as_deref()).map_err(invalid)?;
     Ok(run)
 }
 
 fn show(measured: &Measured) -> String {
-    let Measured { shapes, floor, iterations, env_steps, .. } = measured;
+    let Measured {
+        shapes,
+        floor,
+        iterations,
+        env_steps,
+        ..
+    } = measured;
     let mut text = format!(
         "{} in {}: {} observations, hidden layers of {:?}, {} actions; {} environments; {}\n",
         measured.algorithm,
@@ -77,9 +101,15 @@ fn show(measured: &Measured) -> String {
         shapes.environments,
         measured.cpu_class,
     );
-    text += &format!("{iterations} iterations of {} steps after one to warm up", shapes.rollout);
+    text += &format!(
+        "{iterations} iterations of {} steps after one to warm up",
+        shapes.rollout
+    );
     if let Some(products) = measured.cg_iterations {
-        text += &format!("; {:.1} conjugate-gradient products each", products as f64 / *iterations as f64);
+        text += &format!(
+            "; {:.1} conjugate-gradient products each",
+            products as f64 / *iterations as f64
+        );
     }
     for (case, count) in &measured.cases {
         text += &format!("; {count} {case}");
@@ -96,13 +126,24 @@ fn show(measured: &Measured) -> String {
     let mut phases = table(&["phase (wall clock)", "us/step", "%"]);
     for (name, seconds) in measured.phases.iter() {
         let share = 100.0 * seconds / measured.seconds;
-        phases.add_row([Cell::new(name), number(1e6 * seconds / steps), number(share)]);
+        phases.add_row([
+            Cell::new(name),
+            number(1e6 * seconds / steps),
+            number(share),
+        ]);
     }
     let mut floors = table(&["floor (CPU time)", "us/step", "Mflop/step"]);
-    floors.add_row([Cell::new("physics alone"), number(1e6 * floor.physics_seconds / steps)]);
+    floors.add_row([
+        Cell::new("physics alone"),
+        number(1e6 * floor.physics_seconds / steps),
+    ]);
     for (name, operations) in floor.operations.iter() {
         let microseconds = 1e6 * operations / floor.rate.flops_per_s / steps;
-        floors.add_row([Cell::new(name), number(microseconds), number(1e-6 * operations / steps)]);
+        floors.add_row([
+            Cell::new(name),
+            number(microseconds),
+            number(1e-6 * operations / steps),
+        ]);
     }
     text += &format!(
         "{phases}\n\n{floors}\n\nat {:.1} Gflop/s, the best product here: {}\n",

@@ -12,13 +12,17 @@ use crate::schedule::{
     state::{Planned, RunState},
 };
 
-/// Cancels what the cluster has of the runs that are meant. Those under way write a checkpoint, and all can be submitted again.
+/// Cancels what the cluster has of the runs that are meant. Those under way write a checkpoint, and
+/// all can be submitted again.
 pub fn run(chosen: &Chosen) -> anyhow::Result<ExitCode> {
     let specs = chosen.load()?;
     let planned = chosen.planned(&specs)?;
     for spec in &specs {
         let mut open = Vec::new();
-        for run in planned.iter().filter(|run: &&Planned| run.spec.experiment == spec.name) {
+        for run in planned
+            .iter()
+            .filter(|run: &&Planned| run.spec.experiment == spec.name)
+        {
             if !matches!(run.state()?, RunState::Finished(_)) {
                 open.push(run);
             }
@@ -30,12 +34,19 @@ pub fn run(chosen: &Chosen) -> anyhow::Result<ExitCode> {
         for (folder, (names, numbers)) in elements(taken()) {
             count += names.len();
             slurm::scancel(&names.into_iter().collect::<Vec<_>>())?;
-            Asked::Cancel { elements: numbers.into_iter().collect() }.add(&folder)?;
+            Asked::Cancel {
+                elements: numbers.into_iter().collect(),
+            }
+            .add(&folder)?;
         }
         let name = &spec.name;
         print(&match count {
             0 => format!("{name}: the cluster has none of these runs\n"),
-            _ => format!("{name}: {} with {} cancelled\n", counted(count, "element"), counted(runs, "run")),
+            _ => format!(
+                "{name}: {} with {} cancelled\n",
+                counted(count, "element"),
+                counted(runs, "run")
+            ),
         })?;
     }
     Ok(ExitCode::SUCCESS)

@@ -30,7 +30,12 @@ pub struct Chosen {
     #[arg(long, value_name = "KEY=VALUE,...")]
     pub only: Vec<String>,
     /// The folder of all results
-    #[arg(long, value_name = "DIR", default_value = "results", env = "MCPO_RESULTS")]
+    #[arg(
+        long,
+        value_name = "DIR",
+        default_value = "results",
+        env = "MCPO_RESULTS"
+    )]
     pub results: PathBuf,
 }
 
@@ -41,7 +46,10 @@ pub struct InvalidFiles(pub(super) Vec<SpecErrors>);
 impl InvalidFiles {
     /// All of it, with lines and carets.
     pub fn render(&self, terminal: bool) -> String {
-        self.0.iter().map(|errors| errors.render(terminal)).collect()
+        self.0
+            .iter()
+            .map(|errors| errors.render(terminal))
+            .collect()
     }
 }
 
@@ -60,12 +68,19 @@ impl Chosen {
     ///
     /// Everything that is wrong in any of them, or two of them share a name.
     pub fn load(&self) -> anyhow::Result<Vec<ExperimentSpec>> {
-        Ok(self.load_files()?.into_iter().map(|(_, spec)| spec).collect())
+        Ok(self
+            .load_files()?
+            .into_iter()
+            .map(|(_, spec)| spec)
+            .collect())
     }
 
     /// The same with the files that they stand in.
     pub fn load_files(&self) -> anyhow::Result<Vec<(PathBuf, ExperimentSpec)>> {
-        let overrides = Overrides { set: self.set.clone(), axis: self.axis.clone() };
+        let overrides = Overrides {
+            set: self.set.clone(),
+            axis: self.axis.clone(),
+        };
         let (mut specs, mut invalid) = (Vec::new(), Vec::new());
         let mut names: BTreeMap<String, PathBuf> = BTreeMap::new();
         for path in self.files()? {
@@ -74,13 +89,20 @@ impl Chosen {
                 Ok(spec) => {
                     if let Some(other) = names.insert(spec.name.clone(), path.clone()) {
                         let (name, other) = (&spec.name, other.display());
-                        bail!("{other} and {} both call their experiment `{name}`", path.display());
+                        bail!(
+                            "{other} and {} both call their experiment `{name}`",
+                            path.display()
+                        );
                     }
                     specs.push((path, spec));
                 }
             }
         }
-        if invalid.is_empty() { Ok(specs) } else { Err(InvalidFiles(invalid).into()) }
+        if invalid.is_empty() {
+            Ok(specs)
+        } else {
+            Err(InvalidFiles(invalid).into())
+        }
     }
 
     /// The runs of `specs` that are meant.
@@ -89,7 +111,9 @@ impl Chosen {
     ///
     /// The selection cannot be understood, or means none.
     pub fn runs(&self, specs: &[ExperimentSpec]) -> anyhow::Result<Vec<RunSpec>> {
-        let selection = (!self.only.is_empty()).then(|| Selection::parse(&self.only.join(","))).transpose();
+        let selection = (!self.only.is_empty())
+            .then(|| Selection::parse(&self.only.join(",")))
+            .transpose();
         let selection = selection.context("--only")?;
         let mut runs = Vec::new();
         for spec in specs {
@@ -100,7 +124,10 @@ impl Chosen {
             runs.retain(|run| selection.matches(run));
         }
         if runs.is_empty() {
-            bail!("none of the {all} runs match --only {}", self.only.join(","));
+            bail!(
+                "none of the {all} runs match --only {}",
+                self.only.join(",")
+            );
         }
         Ok(runs)
     }
@@ -112,23 +139,41 @@ impl Chosen {
     /// Also everything that is wrong with demonstrations.
     pub fn planned(&self, specs: &[ExperimentSpec]) -> anyhow::Result<Vec<Planned>> {
         let runs = self.runs(specs)?;
-        let needed: Vec<&Path> = runs.iter().filter_map(|run| run.demonstration.as_deref()).collect();
-        let missing: Vec<SpecErrors> =
-            specs.iter().filter_map(|spec| spec.ready(needed.iter().copied()).err()).collect();
+        let needed: Vec<&Path> = runs
+            .iter()
+            .filter_map(|run| run.demonstration.as_deref())
+            .collect();
+        let missing: Vec<SpecErrors> = specs
+            .iter()
+            .filter_map(|spec| spec.ready(needed.iter().copied()).err())
+            .collect();
         if !missing.is_empty() {
             return Err(InvalidFiles(missing).into());
         }
         Ok(preflight::plan(runs, &self.results)?)
     }
 
-    /// What to say where nothing is recorded under [`results`](Self::results): which folder beside the files holds results of
-    /// these experiments.
+    /// What to say where nothing is recorded under [`results`](Self::results): which folder beside
+    /// the files holds results of these experiments.
     pub fn elsewhere(&self, specs: &[ExperimentSpec]) -> String {
-        let holds = |folder: &Path| specs.iter().any(|spec| folder.join(&spec.name).join("runs").is_dir());
-        let beside = specs.iter().flat_map(|spec| [spec.folder.join("results"), spec.folder.join("../results")]);
+        let holds = |folder: &Path| {
+            specs
+                .iter()
+                .any(|spec| folder.join(&spec.name).join("runs").is_dir())
+        };
+        let beside = specs
+            .iter()
+            .flat_map(|spec| [spec.folder.join("results"), spec.folder.join("../results")]);
         let nothing = format!("nothing is recorded under {}", self.results.display());
-        match beside.into_iter().filter(|_| !holds(&self.results)).find(|folder| holds(folder)) {
-            Some(folder) => format!("{nothing}; {} holds results: --results names it\n", folder.display()),
+        match beside
+            .into_iter()
+            .filter(|_| !holds(&self.results))
+            .find(|folder| holds(folder))
+        {
+            Some(folder) => format!(
+                "{nothing}; {} holds results: --results names it\n",
+                folder.display()
+            ),
             None => format!("{nothing}\n"),
         }
     }
@@ -142,7 +187,11 @@ impl Chosen {
             } else if path.exists() || path.extension().is_some() {
                 files.push(path.clone());
             } else {
-                bail!("there is no file, folder or command `{}`{}", path.display(), nearest_command(path));
+                bail!(
+                    "there is no file, folder or command `{}`{}",
+                    path.display(),
+                    nearest_command(path)
+                );
             }
         }
         Ok(files)
@@ -151,10 +200,16 @@ impl Chosen {
 
 /// The matrix files of a folder, by name.
 fn matrices(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
-    let entries = fs::read_dir(folder).with_context(|| format!("cannot read {}", folder.display()))?;
+    let entries =
+        fs::read_dir(folder).with_context(|| format!("cannot read {}", folder.display()))?;
     let mut files: Vec<PathBuf> = entries
         .filter_map(|entry| Some(entry.ok()?.path()))
-        .filter(|path| path.is_file() && path.extension().is_some_and(|extension| extension == "toml"))
+        .filter(|path| {
+            path.is_file()
+                && path
+                    .extension()
+                    .is_some_and(|extension| extension == "toml")
+        })
         .collect();
     files.sort();
     if files.is_empty() {
@@ -167,8 +222,13 @@ fn matrices(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
 fn nearest_command(word: &Path) -> String {
     let definition = super::definition();
     let word = word.to_string_lossy();
-    let commands = definition.get_subcommands().filter(|command| !command.is_hide_set()).map(clap::Command::get_name);
-    let nearest = commands.map(|name| (strsim::damerau_levenshtein(&word, name), name)).min();
+    let commands = definition
+        .get_subcommands()
+        .filter(|command| !command.is_hide_set())
+        .map(clap::Command::get_name);
+    let nearest = commands
+        .map(|name| (strsim::damerau_levenshtein(&word, name), name))
+        .min();
     match nearest.filter(|&(distance, name)| distance <= name.len() / 2) {
         None => String::new(),
         Some((0, name)) => format!("; the command `{name}` must come first: `mcpo-run {name} ...`"),
@@ -192,11 +252,23 @@ mod tests {
 
     #[test]
     fn a_mistyped_command_is_recognised() {
-        let message = chosen(&[Path::new("statsu")]).files().expect_err("no such file").to_string();
+        let message = chosen(&[Path::new("statsu")])
+            .files()
+            .expect_err("no such file")
+            .to_string();
         assert!(message.ends_with("did you mean `status`?"), "{message}");
-        let message = chosen(&[Path::new("plan")]).files().expect_err("no such file").to_string();
-        assert!(message.ends_with("the command `plan` must come first: `mcpo-run plan ...`"), "{message}");
-        let message = chosen(&[Path::new("zzzzzzzzzz")]).files().expect_err("no such file").to_string();
+        let message = chosen(&[Path::new("plan")])
+            .files()
+            .expect_err("no such file")
+            .to_string();
+        assert!(
+            message.ends_with("the command `plan` must come first: `mcpo-run plan ...`"),
+            "{message}"
+        );
+        let message = chosen(&[Path::new("zzzzzzzzzz")])
+            .files()
+            .expect_err("no such file")
+            .to_string();
         assert!(!message.contains("did you mean"), "{message}");
     }
 
@@ -209,6 +281,9 @@ mod tests {
         }
         fs::create_dir(folder.path().join("c.toml")).expect("made");
         let files = chosen(&[folder.path()]).files().expect("readable");
-        assert_eq!(files, [folder.path().join("a.toml"), folder.path().join("b.toml")]);
+        assert_eq!(
+            files,
+            [folder.path().join("a.toml"), folder.path().join("b.toml")]
+        );
     }
 }

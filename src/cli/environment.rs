@@ -7,8 +7,8 @@ use crate::{
     spec::{self, Overrides},
 };
 
-/// The environment that `text` names: one that ships, `Hopper-v2`, or a robot of one's own with the matrix file that describes
-/// it, `robot.toml:Sled`.
+/// The environment that `text` names: one that ships, `Hopper-v2`, or a robot of one's own with the
+/// matrix file that describes it, `robot.toml:Sled`.
 ///
 /// # Errors
 ///
@@ -19,7 +19,9 @@ pub(super) fn environment(text: &str) -> Result<EnvId, String> {
         _ => (text, None),
     };
     if let Some(file) = file {
-        spec::load(Path::new(file), &Overrides::default()).map_err(|errors| format!("{file}:\n{errors}"))?;
+        spec::load(Path::new(file), &Overrides::default())
+            .map_err(|errors| format!("{file}:\n{errors}"))?;
     }
-    name.parse().map_err(|error: crate::env::EnvError| error.to_string())
+    name.parse()
+        .map_err(|error: crate::env::EnvError| error.to_string())
 }

@@ -33,13 +33,16 @@ const LONGEST: u64 = 1_000_000;
 /// The most episodes that are played at a time.
 const TOGETHER: usize = 64;
 
-/// Errors: the run.json beside the policy at the end of a run names another.
+/// # Errors
+///
+/// The run.json beside the policy at the end of a run names another.
 fn check_digest(path: &Path) -> anyhow::Result<()> {
     let folder = path.parent().unwrap_or(Path::new(""));
     if path != RunPaths::policy(folder) {
         return Ok(());
     }
-    let recorded = Manifest::read(&RunPaths::manifest(folder))?.and_then(|manifest| manifest.policy);
+    let recorded =
+        Manifest::read(&RunPaths::manifest(folder))?.and_then(|manifest| manifest.policy);
     match recorded {
         Some(recorded) if recorded != policy::digest(path)? => {
             bail!(
@@ -51,21 +54,29 @@ fn check_digest(path: &Path) -> anyhow::Result<()> {
     }
 }
 
-/// Plays the episodes, and prints their returns in the dense reward and in the one that was trained on.
+/// Plays the episodes, and prints their returns in the dense reward and in the one that was trained
+/// on.
 pub fn run(arguments: &EvalArguments) -> anyhow::Result<ExitCode> {
     let path = named(&arguments.run);
     let path = if path.is_dir() {
         let policy = RunPaths::policy(&path);
         if !policy.exists() && RunPaths::manifest(&path).exists() {
-            bail!("{} keeps no policy; run it again with another --results to have one", path.display());
+            bail!(
+                "{} keeps no policy; run it again with another --results to have one",
+                path.display()
+            );
         }
         policy
     } else {
         path
     };
     let (_, stamp) = policy::read(&path)?;
-    let spec = plan::recorded(&stamp.spec)
-        .with_context(|| format!("{} was written by another version of this program", path.display()))?;
+    let spec = plan::recorded(&stamp.spec).with_context(|| {
+        format!(
+            "{} was written by another version of this program",
+            path.display()
+        )
+    })?;
     if spec.max_steps > LONGEST {
         bail!(
             "{} comes from a run whose episodes last {} steps; at most {LONGEST} are played",
@@ -75,23 +86,63 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<ExitCode> {
     }
     check_digest(&path)?;
     // How many play together does not change what they play.
-    let together = spec.rollout.environments.size().min(arguments.episodes as usize).min(TOGETHER);
-    let mut tasks = build::tasks(&spec, together).with_context(|| format!("cannot play {}", path.display()))?;
+    let together = spec
+        .rollout
+        .environments
+        .size()
+        .min(arguments.episodes as usize)
+        .min(TOGETHER);
+    let mut tasks =
+        build::tasks(&spec, together).with_context(|| format!("cannot play {}", path.display()))?;
     let (agent, _) = policy::read_for(&path, tasks[0].spaces())?;
-    let starts = (0..arguments.episodes).map(|index| Seed(arguments.seed).stream(Stream::Evaluation, index)).collect();
-    let episodes = evaluate::episodes(&mut evaluate::Actor::MeanAction(&agent), &mut tasks, starts, &mut || {})?;
+    let starts = (0..arguments.episodes)
+        .map(|index| Seed(arguments.seed).stream(Stream::Evaluation, index))
+        .collect();
+    let episodes = evaluate::episodes(
+        &mut evaluate::Actor::MeanAction(&agent),
+        &mut tasks,
+        starts,
+        &mut || {},
+    )?;
     let row = |name: &str, numbers: Vec<f64>| {
         let mean = numbers.iter().sum::<f64>() / numbers.len() as f64;
         let squares: f64 = numbers.iter().map(|number| (number - mean).powi(2)).sum();
         let std = (squares / (numbers.len() as f64 - 1.0).max(1.0)).sqrt();
-        let (least, most) = numbers.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &x| (a.min(x), b.max(x)));
+        let (least, most) = numbers
+            .iter()
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &x| {
+                (a.min(x), b.max(x))
+            });
         format!("{name:<16} {mean:>10.2} ± {std:<10.2} from {least:.2} to {most:.2}\n")
     };
     let text = [
-        format!("{} in {}, {} episodes with the mean action\n", spec.label(), spec.env, episodes.len()),
-        row("dense return", episodes.iter().map(|episode| episode.dense_return).collect()),
-        row("training return", episodes.iter().map(|episode| episode.training_return).collect()),
-        row("length", episodes.iter().map(|episode| episode.length as f64).collect()),
+        format!(
+            "{} in {}, {} episodes with the mean action\n",
+            spec.label(),
+            spec.env,
+            episodes.len()
+        ),
+        row(
+            "dense return",
+            episodes
+                .iter()
+                .map(|episode| episode.dense_return)
+                .collect(),
+        ),
+        row(
+            "training return",
+            episodes
+                .iter()
+                .map(|episode| episode.training_return)
+                .collect(),
+        ),
+        row(
+            "length",
+            episodes
+                .iter()
+                .map(|episode| episode.length as f64)
+                .collect(),
+        ),
     ];
     print(&text.concat())?;
     Ok(ExitCode::SUCCESS)

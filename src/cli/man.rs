@@ -19,7 +19,10 @@ pub fn run(arguments: &ManArguments) -> anyhow::Result<ExitCode> {
     whole.build(); // names the subcommands `mcpo-run-plan` and so on
     let command = match &arguments.command {
         None => whole,
-        Some(name) => whole.find_subcommand(name).cloned().with_context(|| format!("there is no command `{name}`"))?,
+        Some(name) => whole
+            .find_subcommand(name)
+            .cloned()
+            .with_context(|| format!("there is no command `{name}`"))?,
     };
     let mut text = Vec::new();
     clap_mangen::Man::new(command).render(&mut text)?;

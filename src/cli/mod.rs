@@ -1,10 +1,10 @@
 //! The command line: one file a subcommand.
 //!
-//! Owns what a user types and sees, and the exit codes. Knows nothing that another program could want to know: everything else
-//! is in the modules that it calls. Start at [`main`].
+//! Owns what a user types and sees, and the exit codes. Knows nothing that another program could
+//! want to know: everything else is in the modules that it calls. Start at [`main`].
 //!
-//! Exit codes: 0 all good; 1 some runs failed; 2 usage or configuration; 3 a verdict or a claim failed, where `--strict` asks; 4 not
-//! reproduced; 130 interrupted, and resumable.
+//! Exit codes: 0 all good; 1 some runs failed; 2 usage or configuration; 3 a verdict or a claim
+//! failed, where `--strict` asks; 4 not reproduced; 130 interrupted, and resumable.
 
 mod bench;
 mod cancel;
@@ -44,7 +44,11 @@ use chosen::{Chosen, InvalidFiles};
 /// `mcpo-run PATH...` runs whatever is missing of the experiments in PATH and writes their reports.
 #[derive(Debug, Parser)]
 #[command(name = "mcpo-run", version, arg_required_else_help = true)]
-#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true, disable_help_subcommand = true)]
+#[command(
+    args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true,
+    disable_help_subcommand = true
+)]
 struct Arguments {
     #[command(subcommand)]
     command: Option<Command>,
@@ -59,7 +63,8 @@ enum Command {
     Run(run::RunArguments),
     /// Show every run, its id, its state and its cost; start nothing
     Plan(plan::PlanArguments),
-    /// Show what has finished, is running, has failed (and why) and is still to do, and the time left; also during a campaign
+    /// Show what has finished, is running, has failed (and why) and is still to do, and the time
+    /// left; also during a campaign
     Status(Chosen),
     /// Submit what is missing to a cluster, and exit
     Submit(submit::SubmitArguments),
@@ -69,19 +74,21 @@ enum Command {
     Report(report::ReportArguments),
     /// Compare two experiments, or two folders of results, cell by cell
     ///
-    /// A cell of B is reproduced where its difference from A's is within a tenth of the paper's Expert - Random, better or worse where
-    /// it lies beyond that.
+    /// A cell of B is reproduced where its difference from A's is within a tenth of the paper's
+    /// Expert - Random, better or worse where it lies beyond that.
     Compare(compare::CompareArguments),
     /// Run a matrix and compare it with its record; exit with 4 where it is not reproduced
     ///
-    /// Within one numeric class (CPU features, C library, engine and algorithms) every row and the policy must have the same
-    /// bits, except for measured times; elsewhere the first iteration must be within 5 %.
+    /// Within one numeric class (CPU features, C library, engine and algorithms) every row and the
+    /// policy must have the same bits, except for measured times; elsewhere the first iteration
+    /// must be within 5 %.
     Verify(verify::VerifyArguments),
     /// Repeat the run that a result comes from, and compare; exit with 4 where it is not reproduced
     Reproduce(reproduce::ReproduceArguments),
     /// Play episodes with a saved policy
     Eval(eval::EvalArguments),
-    /// Measure how fast training is, where its time goes, and how close it comes to what this core can do
+    /// Measure how fast training is, where its time goes, and how close it comes to what this core
+    /// can do
     Bench(bench::BenchArguments),
     /// Collect, import, verify or show demonstrations
     #[command(subcommand)]
@@ -145,26 +152,38 @@ fn definition() -> clap::Command {
 fn complain(error: &anyhow::Error) {
     let text = match error.downcast_ref::<InvalidFiles>() {
         Some(invalid) => invalid.render(io::stderr().is_terminal()),
-        None => escape::terminal(&told(error)).lines().map(|line| format!("error: {line}\n")).collect(),
+        None => escape::terminal(&told(error))
+            .lines()
+            .map(|line| format!("error: {line}\n"))
+            .collect(),
     };
     drop(io::stderr().write_all(text.as_bytes())); // nobody listens
 }
 
 /// An error with its causes, each unless what stands before says it already.
 fn told(error: &anyhow::Error) -> String {
-    error.chain().map(ToString::to_string).fold(String::new(), |told, cause| match told.as_str() {
-        "" => cause,
-        before if before.contains(&cause) => told,
-        before => format!("{before}: {cause}"),
-    })
+    error
+        .chain()
+        .map(ToString::to_string)
+        .fold(String::new(), |told, cause| match told.as_str() {
+            "" => cause,
+            before if before.contains(&cause) => told,
+            before => format!("{before}: {cause}"),
+        })
 }
 
-/// The file or folder that somebody named, whatever links lead there; those that are found in a folder are not followed.
+/// The file or folder that somebody named, whatever links lead there; those that are found in a
+/// folder are not followed.
 fn named(path: &Path) -> PathBuf {
-    if path.is_symlink() { path.canonicalize().unwrap_or_else(|_| path.to_owned()) } else { path.to_owned() }
+    if path.is_symlink() {
+        path.canonicalize().unwrap_or_else(|_| path.to_owned())
+    } else {
+        path.to_owned()
+    }
 }
 
-/// Writes a result to stdout, without what would control the terminal. A reader that has seen enough (`| head`) is no error.
+/// Writes a result to stdout, without what would control the terminal. A reader that has seen
+/// enough (`| head`) is no error.
 fn print(text: &str) -> anyhow::Result<()> {
     match io::stdout().write_all(escape::terminal(text).as_bytes()) {
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(error.into()),

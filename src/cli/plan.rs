@@ -27,15 +27,30 @@ pub struct PlanArguments {
 /// Shows every run.
 pub fn run(arguments: &PlanArguments) -> anyhow::Result<ExitCode> {
     let specs = arguments.chosen.load()?;
-    show(&specs, &arguments.chosen.planned(&specs)?, arguments.explain)
+    show(
+        &specs,
+        &arguments.chosen.planned(&specs)?,
+        arguments.explain,
+    )
 }
 
 /// Shows the runs of a plan with their states and costs, and how many its files name twice.
-pub fn show(specs: &[ExperimentSpec], planned: &[Planned], explain: bool) -> anyhow::Result<ExitCode> {
-    let states = planned.iter().map(Planned::state).collect::<Result<Vec<_>, _>>()?;
+pub fn show(
+    specs: &[ExperimentSpec],
+    planned: &[Planned],
+    explain: bool,
+) -> anyhow::Result<ExitCode> {
+    let states = planned
+        .iter()
+        .map(Planned::state)
+        .collect::<Result<Vec<_>, _>>()?;
     let mut costs = CostModel::default();
     for (run, state) in planned.iter().zip(&states) {
-        if let RunState::Finished(manifest) | RunState::ToExtend { shorter: manifest, .. } = state {
+        if let RunState::Finished(manifest)
+        | RunState::ToExtend {
+            shorter: manifest, ..
+        } = state
+        {
             costs.learn(&run.spec, manifest);
         }
     }
@@ -51,19 +66,33 @@ pub fn show(specs: &[ExperimentSpec], planned: &[Planned], explain: bool) -> any
                 format!("about {}", clock(left))
             }
         };
-        let word = if explain { reason(run, state) } else { word(state).to_owned() };
+        let word = if explain {
+            reason(run, state)
+        } else {
+            word(state).to_owned()
+        };
         table.add_row([
             Cell::new(format!("{}/{}", run.spec.experiment, run.spec.id)),
             Cell::new(word),
-            Cell::new(thousands(run.spec.trained_steps() as f64)).set_alignment(CellAlignment::Right),
+            Cell::new(thousands(run.spec.trained_steps() as f64))
+                .set_alignment(CellAlignment::Right),
             Cell::new(time).set_alignment(CellAlignment::Right),
         ]);
     }
-    let finished = states.iter().filter(|state| matches!(state, RunState::Finished(_))).count();
-    let differing = states.iter().filter(|state| matches!(state, RunState::Differs { .. })).count();
+    let finished = states
+        .iter()
+        .filter(|state| matches!(state, RunState::Finished(_)))
+        .count();
+    let differing = states
+        .iter()
+        .filter(|state| matches!(state, RunState::Differs { .. }))
+        .count();
     let left = planned.len() - finished - differing;
-    let differing =
-        if differing > 0 { format!(", {differing} recorded by another specification") } else { String::new() };
+    let differing = if differing > 0 {
+        format!(", {differing} recorded by another specification")
+    } else {
+        String::new()
+    };
     let mut repeated = 0;
     for spec in specs.iter().filter(|spec| spec.matrix.len() > 1) {
         repeated += spec.named_runs() - crate::plan::plan(spec)?.len();
@@ -82,12 +111,24 @@ pub fn show(specs: &[ExperimentSpec], planned: &[Planned], explain: bool) -> any
     Ok(ExitCode::SUCCESS)
 }
 
-/// What to say of runs that train noticeably more steps than they are given, since they take whole rollouts.
+/// What to say of runs that train noticeably more steps than they are given, since they take whole
+/// rollouts.
 fn whole_rollouts(planned: &[Planned]) -> String {
-    let longer = planned.iter().map(|run| &run.spec).filter(|spec| spec.trains_noticeably_longer());
-    let Some(first) = longer.clone().next() else { return String::new() };
-    let (trained, budget) = (thousands(first.trained_steps() as f64), thousands(first.budget.env_steps.get() as f64));
-    let (runs, take) = (counted(longer.count(), "run"), thousands(first.rollout.steps.get() as f64));
+    let longer = planned
+        .iter()
+        .map(|run| &run.spec)
+        .filter(|spec| spec.trains_noticeably_longer());
+    let Some(first) = longer.clone().next() else {
+        return String::new();
+    };
+    let (trained, budget) = (
+        thousands(first.trained_steps() as f64),
+        thousands(first.budget.env_steps.get() as f64),
+    );
+    let (runs, take) = (
+        counted(longer.count(), "run"),
+        thousands(first.rollout.steps.get() as f64),
+    );
     format!(
         "{runs} will train longer than the budget, since rollouts are whole: {trained} steps for {budget} with rollouts of {take}\n"
     )
@@ -109,14 +150,17 @@ pub(super) fn seconds_of(run: &Planned, state: &RunState, costs: &CostModel) -> 
     }
 }
 
-/// How many of the finished runs were evaluated otherwise than is asked for now, for the end of a sentence.
+/// How many of the finished runs were evaluated otherwise than is asked for now, for the end of a
+/// sentence.
 pub(super) fn evaluated_otherwise(planned: &[Planned], states: &[RunState]) -> String {
     let otherwise = planned.iter().zip(states).filter(|(run, state)| {
         matches!(state, RunState::Finished(manifest) if !run.evaluated_otherwise(&manifest.stamp).is_empty())
     });
     match otherwise.count() {
         0 => String::new(),
-        n => format!("; {n} finished with other evaluation settings, and kept (plan --explain names them)"),
+        n => format!(
+            "; {n} finished with other evaluation settings, and kept (plan --explain names them)"
+        ),
     }
 }
 
@@ -141,31 +185,57 @@ fn reason(run: &Planned, state: &RunState) -> String {
     match state {
         RunState::ToDo => "will run: nothing is recorded".to_owned(),
         RunState::Interrupted { env_steps } => {
-            format!("will run: resumes from the checkpoint at {} steps", steps(*env_steps))
+            format!(
+                "will run: resumes from the checkpoint at {} steps",
+                steps(*env_steps)
+            )
         }
         RunState::Running(_) => "will not run here: another process is working on it".to_owned(),
-        RunState::ToExtend { shorter, env_steps: Some(env_steps) } => {
+        RunState::ToExtend {
+            shorter,
+            env_steps: Some(env_steps),
+        } => {
             let recorded = steps(shorter.env_steps);
-            format!("will run: recorded with {recorded} steps, and resumes from its state at {}", steps(*env_steps))
+            format!(
+                "will run: recorded with {recorded} steps, and resumes from its state at {}",
+                steps(*env_steps)
+            )
         }
-        RunState::ToExtend { shorter, env_steps: None } => {
+        RunState::ToExtend {
+            shorter,
+            env_steps: None,
+        } => {
             let recorded = steps(shorter.env_steps);
-            format!("will run from its start: recorded with {recorded} steps, whose last state was not kept")
+            format!(
+                "will run from its start: recorded with {recorded} steps, whose last state was not kept"
+            )
         }
         RunState::Finished(manifest) => {
             let otherwise = match run.evaluated_otherwise(&manifest.stamp) {
                 keys if keys.is_empty() => String::new(),
                 keys => format!(", but its evaluations differ in {}", keys.join(", ")),
             };
-            let classes = if manifest.is_of_one_class() { "" } else { "; computed on more than one class of machine" };
+            let classes = if manifest.is_of_one_class() {
+                ""
+            } else {
+                "; computed on more than one class of machine"
+            };
             let fingerprint = &manifest.stamp.fingerprint;
-            format!("will not run: recorded with the same fingerprint {fingerprint}{otherwise}{classes}")
+            format!(
+                "will not run: recorded with the same fingerprint {fingerprint}{otherwise}{classes}"
+            )
         }
         RunState::Failed(manifest) => {
-            format!("will run again: failed: {}", manifest.error().unwrap_or("it did not finish"))
+            format!(
+                "will run again: failed: {}",
+                manifest.error().unwrap_or("it did not finish")
+            )
         }
         RunState::Differs { keys } => {
-            format!("refused: what is recorded differs in {}; --fresh sets it aside", keys.join(", "))
+            format!(
+                "refused: what is recorded differs in {}; --fresh sets it aside",
+                keys.join(", ")
+            )
         }
         RunState::Unusable { reason } | RunState::Damaged { reason } => {
             format!("refused: {reason}; --fresh sets it aside")

@@ -27,22 +27,37 @@ const HANG_TIMEOUT: Duration = Duration::from_secs(600);
 /// # Errors
 ///
 /// Whatever stands in the way of starting.
-pub fn compute(planned: &[Planned], results: &Path, jobs: Option<u16>, quiet: bool) -> anyhow::Result<Summary> {
+pub fn compute(
+    planned: &[Planned],
+    results: &Path,
+    jobs: Option<u16>,
+    quiet: bool,
+) -> anyhow::Result<Summary> {
     let stop = StopRequest::on_signals().context("cannot listen for signals")?;
     let states = preflight::prepare(planned, results, false)?;
     let pairs = planned.iter().zip(&states);
     let due: Vec<Planned> = pairs
         .filter(|(_, state)| !matches!(state, RunState::Finished(_)))
         // Who computes it, and where, is not what is compared; a record of it may be published.
-        .map(|(run, _)| Planned { stamp: run.stamp.without_origin(), ..run.clone() })
+        .map(|(run, _)| Planned {
+            stamp: run.stamp.without_origin(),
+            ..run.clone()
+        })
         .collect();
     let jobs = jobs.map_or_else(physical_cores, usize::from);
-    let options =
-        Options { jobs, threads: None, retries: 0, fail_fast: false, hang_timeout: HANG_TIMEOUT, verbose: false };
+    let options = Options {
+        jobs,
+        threads: None,
+        retries: 0,
+        fail_fast: false,
+        hang_timeout: HANG_TIMEOUT,
+        verbose: false,
+    };
     let costs = CostModel::default();
     let seconds = due.iter().map(|run| costs.seconds(&run.spec)).sum();
     let mut progress = Progress::new(Style::choose(quiet), false, due.len(), seconds);
-    local::run(&due, results, options, &costs, &stop, &mut progress).context("cannot find this program's own file")
+    local::run(&due, results, options, &costs, &stop, &mut progress)
+        .context("cannot find this program's own file")
 }
 
 /// Why this program on this machine is not held to the bits of a record, as part of a sentence.
@@ -57,12 +72,20 @@ pub enum Inexact {
 pub fn inexact(recorded: &Manifest, now: &Stamp) -> Option<Inexact> {
     let (before, after) = (&recorded.stamp.build, &now.build);
     if !recorded.is_of_one_class() {
-        return Some(Inexact::Machine("the record was made on more than one class of machine".to_owned()));
+        return Some(Inexact::Machine(
+            "the record was made on more than one class of machine".to_owned(),
+        ));
     }
     if before.machine() != after.machine() {
         let (class, libm) = before.machine();
-        return Some(Inexact::Machine(format!("the record was made on {class}, libm {libm}")));
+        return Some(Inexact::Machine(format!(
+            "the record was made on {class}, libm {libm}"
+        )));
     }
-    (before.versions != after.versions)
-        .then(|| Inexact::Versions(format!("the record was made by different versions: {}", before.versions)))
+    (before.versions != after.versions).then(|| {
+        Inexact::Versions(format!(
+            "the record was made by different versions: {}",
+            before.versions
+        ))
+    })
 }

@@ -15,8 +15,8 @@ use comfy_table::Table;
 use super::{chosen::Chosen, print};
 use crate::{
     report::{
-        self, ClaimRow, ClaimVerdict, Label, ReportError, Row, Scope, TableData, Verdict, Written, claims_text,
-        export::Format,
+        self, ClaimRow, ClaimVerdict, Label, ReportError, Row, Scope, TableData, Verdict, Written,
+        claims_text, export::Format,
     },
     spec::ExperimentSpec,
 };
@@ -29,10 +29,12 @@ pub(super) const CONTRADICTED: u8 = 3;
 pub struct ReportArguments {
     #[command(flatten)]
     chosen: Chosen,
-    /// Exit with 3 where a value is better or worse than the paper's, or a claim of the file is contradicted
+    /// Exit with 3 where a value is better or worse than the paper's, or a claim of the file is
+    /// contradicted
     #[arg(long)]
     strict: bool,
-    /// Write the report again whenever more is recorded, looking every so many seconds (10), until all runs have ended
+    /// Write the report again whenever more is recorded, looking every so many seconds (10), until
+    /// all runs have ended
     #[arg(long, value_name = "SECONDS", num_args = 0..=1, default_missing_value = "10", require_equals = true)]
     #[arg(value_parser = clap::value_parser!(u16).range(1..))]
     watch: Option<u16>,
@@ -43,15 +45,33 @@ pub struct ReportArguments {
 
 /// Reads the name of a format.
 fn format() -> impl TypedValueParser<Value = Format> {
-    let names = Format::ALL.iter().map(|format| PossibleValue::new(format.name()).help(format.help()));
-    let named = |name: String| Format::ALL.iter().copied().find(|format| format.name() == name);
-    PossibleValuesParser::new(names).map(move |name| named(name).expect("the parser knows the names of formats alone"))
+    let names = Format::ALL
+        .iter()
+        .map(|format| PossibleValue::new(format.name()).help(format.help()));
+    let named = |name: String| {
+        Format::ALL
+            .iter()
+            .copied()
+            .find(|format| format.name() == name)
+    };
+    PossibleValuesParser::new(names)
+        .map(move |name| named(name).expect("the parser knows the names of formats alone"))
 }
 
 /// Reports what `arguments` say.
 pub fn run(arguments: &ReportArguments) -> anyhow::Result<ExitCode> {
-    let Chosen { only, axis, set, results, .. } = &arguments.chosen;
-    let scope = Scope { only: only.clone(), axis: axis.clone(), set: set.clone() };
+    let Chosen {
+        only,
+        axis,
+        set,
+        results,
+        ..
+    } = &arguments.chosen;
+    let scope = Scope {
+        only: only.clone(),
+        axis: axis.clone(),
+        set: set.clone(),
+    };
     let experiments = arguments.chosen.load()?;
     let formats: BTreeSet<Format> = arguments.export.iter().copied().collect();
     let formats: Vec<Format> = formats.into_iter().collect();
@@ -60,19 +80,26 @@ pub fn run(arguments: &ReportArguments) -> anyhow::Result<ExitCode> {
         let seen = arguments.watch.map(|_| recorded(&experiments, results));
         let told = match told(&experiments, results, &scope, shown) {
             // There may be something later.
-            Err(nothing) if arguments.watch.is_some() && nothing.is::<Nothing>() => {
-                Told { open: 1, is_contradicted: false }
-            }
+            Err(nothing) if arguments.watch.is_some() && nothing.is::<Nothing>() => Told {
+                open: 1,
+                is_contradicted: false,
+            },
             told => told?,
         };
         export(&experiments, results, &scope, &formats)?;
-        let Some(seconds) = arguments.watch.filter(|_| told.open > 0) else { break told.is_contradicted };
+        let Some(seconds) = arguments.watch.filter(|_| told.open > 0) else {
+            break told.is_contradicted;
+        };
         while Some(recorded(&experiments, results)) == seen {
             thread::sleep(Duration::from_secs(seconds.into()));
         }
         shown = Shown::State;
     };
-    Ok(if arguments.strict && is_contradicted { ExitCode::from(CONTRADICTED) } else { ExitCode::SUCCESS })
+    Ok(if arguments.strict && is_contradicted {
+        ExitCode::from(CONTRADICTED)
+    } else {
+        ExitCode::SUCCESS
+    })
 }
 
 /// What is shown of a report on stdout.
@@ -99,18 +126,39 @@ struct Told {
 #[error("{0}")]
 struct Nothing(String);
 
-/// Writes the figures and tables of `experiments`, as far as `scope` goes, from what is recorded under `results`; shows each
-/// one's first table and its claims on stdout, and names what contradicts the paper in any of them, and the files; `quiet`, only
-/// what contradicts. An experiment of which there is nothing to report is named; that is an error where it is so of all.
+/// Writes the figures and tables of `experiments`, as far as `scope` goes, from what is recorded
+/// under `results`; shows each one's first table and its claims on stdout, and names what
+/// contradicts the paper in any of them, and the files; `quiet`, only what contradicts. An
+/// experiment of which there is nothing to report is named; that is an error where it is so of all.
 ///
 /// Tells whether a value is better or worse than the paper's, or a claim contradicted.
-pub fn write(experiments: &[ExperimentSpec], results: &Path, scope: &Scope, quiet: bool) -> anyhow::Result<bool> {
-    let shown = if quiet { Shown::Contradictions } else { Shown::Whole };
+pub fn write(
+    experiments: &[ExperimentSpec],
+    results: &Path,
+    scope: &Scope,
+    quiet: bool,
+) -> anyhow::Result<bool> {
+    let shown = if quiet {
+        Shown::Contradictions
+    } else {
+        Shown::Whole
+    };
     Ok(told(experiments, results, scope, shown)?.is_contradicted)
 }
 
-fn told(experiments: &[ExperimentSpec], results: &Path, scope: &Scope, shown: Shown) -> anyhow::Result<Told> {
-    let (mut all, mut without) = (Told { is_contradicted: false, open: 0 }, Vec::new());
+fn told(
+    experiments: &[ExperimentSpec],
+    results: &Path,
+    scope: &Scope,
+    shown: Shown,
+) -> anyhow::Result<Told> {
+    let (mut all, mut without) = (
+        Told {
+            is_contradicted: false,
+            open: 0,
+        },
+        Vec::new(),
+    );
     for experiment in experiments {
         let name = &experiment.name;
         let written = match report::write(experiment, results, scope) {
@@ -122,8 +170,16 @@ fn told(experiments: &[ExperimentSpec], results: &Path, scope: &Scope, shown: Sh
             written => written?,
         };
         let claims = written.claims.as_ref();
-        let of_claims = claims.iter().flat_map(|claims| &claims.rows).filter_map(contradicted);
-        let contradictions: String = written.tables.iter().map(contradictions).chain(of_claims).collect();
+        let of_claims = claims
+            .iter()
+            .flat_map(|claims| &claims.rows)
+            .filter_map(contradicted);
+        let contradictions: String = written
+            .tables
+            .iter()
+            .map(contradictions)
+            .chain(of_claims)
+            .collect();
         print(&match shown {
             Shown::Contradictions => contradictions.clone(),
             Shown::State => format!("{name}: {}\n{contradictions}", written.state),
@@ -135,31 +191,55 @@ fn told(experiments: &[ExperimentSpec], results: &Path, scope: &Scope, shown: Sh
     if without.len() == experiments.len() {
         return Err(Nothing(without.join("\n")).into());
     }
-    without.iter().try_for_each(|line| print(&format!("{line}\n")))?;
+    without
+        .iter()
+        .try_for_each(|line| print(&format!("{line}\n")))?;
     Ok(all)
 }
 
 /// Everything that is shown of one report.
 fn whole(name: &str, written: &Written, contradictions: &str) -> String {
     let table = written.tables.first();
-    let table = table.map_or_else(String::new, |table| format!("\n{}", report::terminal(table, terminal_width())));
+    let table = table.map_or_else(String::new, |table| {
+        format!("\n{}", report::terminal(table, terminal_width()))
+    });
     let claims = written.claims.as_ref();
-    let claims =
-        claims.map_or_else(String::new, |claims| format!("\n{}", claims_text::shown(claims, terminal_width())));
-    let files: String = written.files.iter().map(|file| format!("{}\n", file.display())).collect();
-    format!("{name}: {}\n{table}{claims}\n{contradictions}{files}", written.state)
+    let claims = claims.map_or_else(String::new, |claims| {
+        format!("\n{}", claims_text::shown(claims, terminal_width()))
+    });
+    let files: String = written
+        .files
+        .iter()
+        .map(|file| format!("{}\n", file.display()))
+        .collect();
+    format!(
+        "{name}: {}\n{table}{claims}\n{contradictions}{files}",
+        written.state
+    )
 }
 
-/// The manifests and checkpoints of `experiments`, with their times and sizes: what a report is made of.
-fn recorded(experiments: &[ExperimentSpec], results: &Path) -> Vec<(PathBuf, Option<SystemTime>, u64)> {
-    let mut folders: Vec<PathBuf> = experiments.iter().map(|spec| results.join(&spec.name).join("runs")).collect();
+/// The manifests and checkpoints of `experiments`, with their times and sizes: what a report is
+/// made of.
+fn recorded(
+    experiments: &[ExperimentSpec],
+    results: &Path,
+) -> Vec<(PathBuf, Option<SystemTime>, u64)> {
+    let mut folders: Vec<PathBuf> = experiments
+        .iter()
+        .map(|spec| results.join(&spec.name).join("runs"))
+        .collect();
     let mut found = Vec::new();
     while let Some(folder) = folders.pop() {
         for entry in fs::read_dir(&folder).into_iter().flatten().flatten() {
-            let (path, Ok(metadata)) = (entry.path(), entry.metadata()) else { continue }; // of a link, the link's
+            let (path, Ok(metadata)) = (entry.path(), entry.metadata()) else {
+                continue;
+            }; // of a link, the link's
             if metadata.is_dir() {
                 folders.push(path);
-            } else if ["run.json", "checkpoint"].iter().any(|name| path.ends_with(name)) {
+            } else if ["run.json", "checkpoint"]
+                .iter()
+                .any(|name| path.ends_with(name))
+            {
                 found.push((path, metadata.modified().ok(), metadata.len()));
             }
         }
@@ -169,12 +249,22 @@ fn recorded(experiments: &[ExperimentSpec], results: &Path) -> Vec<(PathBuf, Opt
 }
 
 /// Writes what is recorded of `experiments` for other programs, and names the files.
-fn export(experiments: &[ExperimentSpec], results: &Path, scope: &Scope, formats: &[Format]) -> anyhow::Result<()> {
+fn export(
+    experiments: &[ExperimentSpec],
+    results: &Path,
+    scope: &Scope,
+    formats: &[Format],
+) -> anyhow::Result<()> {
     for experiment in experiments.iter().filter(|_| !formats.is_empty()) {
         match report::export::export(experiment, results, scope, formats) {
             // Which were named when the report was written.
             Err(ReportError::NothingRecorded { .. } | ReportError::NoneMatch { .. }) => {}
-            files => print(&files?.iter().map(|file| format!("{}\n", file.display())).collect::<String>())?,
+            files => print(
+                &files?
+                    .iter()
+                    .map(|file| format!("{}\n", file.display()))
+                    .collect::<String>(),
+            )?,
         }
     }
     Ok(())
@@ -189,19 +279,31 @@ pub(super) fn terminal_width() -> Option<usize> {
 /// A line where `row` contradicts its claim.
 fn contradicted(row: &ClaimRow) -> Option<String> {
     let is_contradicted = row.verdict == ClaimVerdict::Contradicted;
-    is_contradicted.then(|| format!("{}: contradicted in {}\n", row.claim.name, claims_text::place(row)))
+    is_contradicted.then(|| {
+        format!(
+            "{}: contradicted in {}\n",
+            row.claim.name,
+            claims_text::place(row)
+        )
+    })
 }
 
 /// The values of `table` that are better or worse than the paper's, a line each.
 fn contradictions(table: &TableData) -> String {
     let cells = table.rows.iter().flat_map(|row| {
         let named = table.columns.iter().zip(&row.cells);
-        named.filter_map(move |(column, cell)| Some((row, column, cell.as_ref()?.verdict.as_ref()?)))
+        named
+            .filter_map(move |(column, cell)| Some((row, column, cell.as_ref()?.verdict.as_ref()?)))
     });
-    let contradicting = cells.filter(|(.., verdict)| matches!(verdict, Verdict::Better | Verdict::Worse));
+    let contradicting =
+        cells.filter(|(.., verdict)| matches!(verdict, Verdict::Better | Verdict::Worse));
     let line = |(row, column, verdict): (&Row, &Label, &Verdict)| {
         let (labels, column) = (row.labels.join(", "), &column.text);
-        format!("{labels}, {column}: {} than the paper's value ({})\n", verdict.text(), table.title)
+        format!(
+            "{labels}, {column}: {} than the paper's value ({})\n",
+            verdict.text(),
+            table.title
+        )
     };
     contradicting.map(line).collect()
 }

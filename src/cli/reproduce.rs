@@ -25,7 +25,8 @@ use crate::{
 /// Whose run.
 #[derive(Debug, clap::Args)]
 pub struct ReproduceArguments {
-    /// A run's folder, or any result file: *.parquet and *.safetensors are compared alone, the others with their folder
+    /// A run's folder, or any result file: *.parquet and *.safetensors are compared alone, the
+    /// others with their folder
     file: PathBuf,
     /// Show only failures
     #[arg(long, short)]
@@ -39,23 +40,45 @@ pub fn run(arguments: &ReproduceArguments) -> anyhow::Result<ExitCode> {
     if let Some(manifest) = &manifest
         && manifest.outcome != Outcome::Finished
     {
-        bail!("the run of {} did not finish: there is nothing to compare with", path.display());
+        bail!(
+            "the run of {} did not finish: there is nothing to compare with",
+            path.display()
+        );
     }
-    let mut spec = plan::recorded(&stamp.spec)
-        .with_context(|| format!("{} was written by another version of this program", path.display()))?;
+    let mut spec = plan::recorded(&stamp.spec).with_context(|| {
+        format!(
+            "{} was written by another version of this program",
+            path.display()
+        )
+    })?;
     // A relative path starts where the run was planned; in a record without that folder, here.
     let beside = RunPaths::results_of(path, &spec.experiment, &spec.id);
-    let folder = stamp.origin.as_ref().zip(beside).and_then(|(origin, results)| origin.folder_beside(&results));
+    let folder = stamp
+        .origin
+        .as_ref()
+        .zip(beside)
+        .and_then(|(origin, results)| origin.folder_beside(&results));
     if let Some(folder) = folder.filter(|folder| folder.is_dir()) {
         spec.demonstration = spec.demonstration.map(|path| folder.join(path));
     }
     let results = tempfile::tempdir().context("cannot make a temporary folder")?;
     let planned = preflight::plan(vec![spec], results.path())?;
-    let [run] = &planned[..] else { unreachable!("one specification is one run") };
+    let [run] = &planned[..] else {
+        unreachable!("one specification is one run")
+    };
     let differences = run.differences(&stamp);
     if !differences.is_empty() {
-        let file = run.spec.demonstration.as_deref().unwrap_or(Path::new("")).display();
-        bail!("{} cannot be reproduced: {} differs ({file})", path.display(), differences.join(", "));
+        let file = run
+            .spec
+            .demonstration
+            .as_deref()
+            .unwrap_or(Path::new(""))
+            .display();
+        bail!(
+            "{} cannot be reproduced: {} differs ({file})",
+            path.display(),
+            differences.join(", ")
+        );
     }
     let summary = compute(&planned, results.path(), None, arguments.quiet)?;
     if summary.interrupted {
@@ -64,15 +87,25 @@ pub fn run(arguments: &ReproduceArguments) -> anyhow::Result<ExitCode> {
     let whole = manifest.unwrap_or_else(|| Manifest::new(stamp));
     let (exactness, how) = match inexact(&whole, &run.stamp) {
         None => (Exactness::Bits, "to the bit".to_owned()),
-        Some(Inexact::Machine(reason) | Inexact::Versions(reason)) => {
-            (Exactness::FirstIteration, format!("within {TOLERANCE} in the first iteration, since {reason}"))
-        }
+        Some(Inexact::Machine(reason) | Inexact::Versions(reason)) => (
+            Exactness::FirstIteration,
+            format!("within {TOLERANCE} in the first iteration, since {reason}"),
+        ),
     };
     let difference = match summary.failed.first() {
         Some((_, error)) => Some(format!("failed: {error}")),
-        None => compared(path, &run.paths.complete, exactness)?.map(|difference| difference.to_string()),
+        None => {
+            compared(path, &run.paths.complete, exactness)?.map(|difference| difference.to_string())
+        }
     };
-    let (id, code) = (&run.spec.id, if difference.is_some() { NOT_REPRODUCED } else { 0 });
+    let (id, code) = (
+        &run.spec.id,
+        if difference.is_some() {
+            NOT_REPRODUCED
+        } else {
+            0
+        },
+    );
     print(&match difference {
         Some(difference) => format!("{id}: {difference}\n{id}: not reproduced, {how}\n"),
         None => format!("{id}: reproduced, {how}\n"),
@@ -81,23 +114,41 @@ pub fn run(arguments: &ReproduceArguments) -> anyhow::Result<ExitCode> {
 }
 
 /// The difference between `path`, a file or folder of a run, and its like in `computed`.
-fn compared(path: &Path, computed: &Path, exactness: Exactness) -> anyhow::Result<Option<Difference>> {
-    Ok(match path.extension().and_then(|extension| extension.to_str()) {
-        Some("parquet") => {
-            // The file may have been renamed, but its columns say which it is.
-            let table = if rows::read_progress(path).is_ok() { RunPaths::progress } else { RunPaths::evaluations };
-            compare::tables(path, &table(computed), exactness)?
-        }
-        Some("safetensors") if exactness == Exactness::FirstIteration => {
-            bail!("{} was computed in another numeric class; no policy has the same numbers in both", path.display())
-        }
-        Some("safetensors") => {
-            let kept = RunPaths::kept_after(path).map(|env_steps| RunPaths::kept_policy(computed, env_steps));
-            compare::policies(path, &kept.unwrap_or_else(|| RunPaths::policy(computed)))?
-        }
-        _ => {
-            let folder = if path.is_dir() { path } else { path.parent().unwrap_or(Path::new(".")) };
-            compare::runs(folder, computed, exactness)?
-        }
-    })
+fn compared(
+    path: &Path,
+    computed: &Path,
+    exactness: Exactness,
+) -> anyhow::Result<Option<Difference>> {
+    Ok(
+        match path.extension().and_then(|extension| extension.to_str()) {
+            Some("parquet") => {
+                // The file may have been renamed, but its columns say which it is.
+                let table = if rows::read_progress(path).is_ok() {
+                    RunPaths::progress
+                } else {
+                    RunPaths::evaluations
+                };
+                compare::tables(path, &table(computed), exactness)?
+            }
+            Some("safetensors") if exactness == Exactness::FirstIteration => {
+                bail!(
+                    "{} was computed in another numeric class; no policy has the same numbers in both",
+                    path.display()
+                )
+            }
+            Some("safetensors") => {
+                let kept = RunPaths::kept_after(path)
+                    .map(|env_steps| RunPaths::kept_policy(computed, env_steps));
+                compare::policies(path, &kept.unwrap_or_else(|| RunPaths::policy(computed)))?
+            }
+            _ => {
+                let folder = if path.is_dir() {
+                    path
+                } else {
+                    path.parent().unwrap_or(Path::new("."))
+                };
+                compare::runs(folder, computed, exactness)?
+            }
+        },
+    )
 }

@@ -25,11 +25,12 @@ use crate::{
 pub struct RunArguments {
     #[command(flatten)]
     chosen: Chosen,
-    /// Runs at a time, one process each [default: the physical cores divided by the threads of each run]
+    /// Runs at a time, one process each [default: the physical cores divided by the threads of each
+    /// run]
     #[arg(long, short, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     jobs: Option<u16>,
-    /// Threads that share the work of each run, without changing its numbers [default: 1; where fewer runs than `--jobs` are
-    /// left, those that start share the rest]
+    /// Threads that share the work of each run, without changing its numbers [default: 1; where
+    /// fewer runs than `--jobs` are left, those that start share the rest]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
     /// Retry a failed run up to K times, each time from its last checkpoint
@@ -44,10 +45,12 @@ pub struct RunArguments {
     /// Kill a run that makes no progress for this many seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 600, value_parser = clap::value_parser!(u64).range(1..))]
     hang_timeout: u64,
-    /// Run only part K of N, as each of N machines does with its own K from 1 to N, and write no report
+    /// Run only part K of N, as each of N machines does with its own K from 1 to N, and write no
+    /// report
     #[arg(long, value_name = "K/N")]
     shard: Option<Shard>,
-    /// After this time, such as 2h or 1h30m, let the runs under way write a checkpoint, and exit as interrupted
+    /// After this time, such as 2h or 1h30m, let the runs under way write a checkpoint, and exit as
+    /// interrupted
     #[arg(long, value_name = "TIME", value_parser = duration::parse)]
     max_time: Option<Duration>,
     /// Show what would be run, and stop
@@ -80,17 +83,29 @@ pub fn run(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
     let states = preflight::prepare(&planned, &chosen.results, arguments.fresh)?;
     let mut costs = CostModel::default();
     for (run, state) in planned.iter().zip(&states) {
-        if let RunState::Finished(manifest) | RunState::ToExtend { shorter: manifest, .. } = state {
+        if let RunState::Finished(manifest)
+        | RunState::ToExtend {
+            shorter: manifest, ..
+        } = state
+        {
             costs.learn(&run.spec, manifest);
         }
     }
-    let pairs = || planned.iter().zip(&states).filter(|(_, state)| !matches!(state, RunState::Finished(_)));
+    let pairs = || {
+        planned
+            .iter()
+            .zip(&states)
+            .filter(|(_, state)| !matches!(state, RunState::Finished(_)))
+    };
     let due: Vec<Planned> = pairs().map(|(run, _)| run.clone()).collect();
     let summary = if due.is_empty() {
         Summary::default()
     } else {
         let threads = arguments.threads.map(usize::from);
-        let jobs = arguments.jobs.map_or_else(|| (physical_cores() / threads.unwrap_or(1)).max(1), usize::from);
+        let jobs = arguments.jobs.map_or_else(
+            || (physical_cores() / threads.unwrap_or(1)).max(1),
+            usize::from,
+        );
         let options = Options {
             jobs,
             threads,
@@ -99,8 +114,15 @@ pub fn run(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
             hang_timeout: Duration::from_secs(arguments.hang_timeout),
             verbose: arguments.verbose,
         };
-        let seconds = pairs().map(|(run, state)| plan::seconds_of(run, state, &costs)).sum();
-        let mut progress = Progress::new(Style::choose(arguments.quiet), arguments.verbose, due.len(), seconds);
+        let seconds = pairs()
+            .map(|(run, state)| plan::seconds_of(run, state, &costs))
+            .sum();
+        let mut progress = Progress::new(
+            Style::choose(arguments.quiet),
+            arguments.verbose,
+            due.len(),
+            seconds,
+        );
         progress.say(&greeting(&planned, &due, jobs, seconds, &chosen.results));
         let summary = local::run(&due, &chosen.results, options, &costs, &stop, &mut progress)
             .context("cannot find this program's own file")?;
@@ -113,10 +135,18 @@ pub fn run(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
     }
     let all_is_well = summary.failed.is_empty() && summary.left == 0;
     if arguments.shard.is_some() {
-        return Ok(if all_is_well { ExitCode::SUCCESS } else { ExitCode::FAILURE });
+        return Ok(if all_is_well {
+            ExitCode::SUCCESS
+        } else {
+            ExitCode::FAILURE
+        });
     }
     // Of the whole file: `--only` says what to run, not what to forget of what has run before.
-    let scope = Scope { axis: chosen.axis.clone(), set: chosen.set.clone(), ..Scope::default() };
+    let scope = Scope {
+        axis: chosen.axis.clone(),
+        set: chosen.set.clone(),
+        ..Scope::default()
+    };
     let written = report::write(&specs, &chosen.results, &scope, arguments.quiet)
         .context("the runs are recorded, but not their report");
     if all_is_well {
@@ -130,14 +160,29 @@ pub fn run(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
 }
 
 /// The first screen: what will be run, and where its results go.
-fn greeting(planned: &[Planned], due: &[Planned], jobs: usize, seconds: f64, results: &Path) -> String {
+fn greeting(
+    planned: &[Planned],
+    due: &[Planned],
+    jobs: usize,
+    seconds: f64,
+    results: &Path,
+) -> String {
     let names = |of: fn(&RunSpec) -> String| {
-        due.iter().map(|run| of(&run.spec)).collect::<BTreeSet<_>>().into_iter().collect::<Vec<_>>().join(", ")
+        due.iter()
+            .map(|run| of(&run.spec))
+            .collect::<BTreeSet<_>>()
+            .into_iter()
+            .collect::<Vec<_>>()
+            .join(", ")
     };
     let experiments = names(|spec| spec.experiment.clone());
     let steps: u64 = due.iter().map(|run| run.spec.trained_steps()).sum();
     let before = planned.len() - due.len();
-    let before = if before > 0 { format!(", {before} finished before") } else { String::new() };
+    let before = if before > 0 {
+        format!(", {before} finished before")
+    } else {
+        String::new()
+    };
     format!(
         "{experiments}: {} to do{before}; {} on {}; {} steps in all\n{jobs} at a time, about {}; results in {}",
         counted(due.len(), "run"),
@@ -153,11 +198,19 @@ fn greeting(planned: &[Planned], due: &[Planned], jobs: usize, seconds: f64, res
 fn farewell(planned: usize, due: usize, summary: &Summary) -> String {
     let finished = planned - due + summary.finished;
     let failed = summary.failed.len();
-    let failed = if failed > 0 { format!(", {failed} failed") } else { String::new() };
+    let failed = if failed > 0 {
+        format!(", {failed} failed")
+    } else {
+        String::new()
+    };
     let left = match (summary.left, summary.interrupted) {
         (0, _) => String::new(),
-        (left, true) => format!(", {left} interrupted or not begun; the same command resumes from here"),
-        (left, false) => format!(", {left} stopped or not begun; the same command resumes from here"),
+        (left, true) => {
+            format!(", {left} interrupted or not begun; the same command resumes from here")
+        }
+        (left, false) => {
+            format!(", {left} stopped or not begun; the same command resumes from here")
+        }
     };
     format!("{finished} of {planned} runs finished{failed}{left}")
 }

@@ -7,6 +7,9 @@ use crate::spec;
 
 /// Prints the JSON Schema of matrix files.
 pub fn run() -> anyhow::Result<ExitCode> {
-    print(&format!("{}\n", serde_json::to_string_pretty(&spec::schema())?))?;
+    print(&format!(
+        "{}\n",
+        serde_json::to_string_pretty(&spec::schema())?
+    ))?;
     Ok(ExitCode::SUCCESS)
 }

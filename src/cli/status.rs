@@ -30,12 +30,18 @@ use crate::{
 pub fn run(chosen: &Chosen) -> anyhow::Result<ExitCode> {
     let specs = chosen.load()?;
     let planned = chosen.planned(&specs)?;
-    let states = planned.iter().map(Planned::state).collect::<Result<Vec<_>, _>>()?;
+    let states = planned
+        .iter()
+        .map(Planned::state)
+        .collect::<Result<Vec<_>, _>>()?;
     // The files are the truth: without Slurm's word there is less to say, and no less to believe.
     let cluster = match in_cluster(&specs, &chosen.results, &planned, &states) {
         Ok(cluster) => cluster,
         Err(error) => {
-            complain(&anyhow::Error::from(error).context("what follows is from the files of the runs alone"));
+            complain(
+                &anyhow::Error::from(error)
+                    .context("what follows is from the files of the runs alone"),
+            );
             HashMap::new()
         }
     };
@@ -59,25 +65,43 @@ fn in_cluster(
         let is_open = |(run, state): &(&Planned, &RunState)| {
             run.spec.experiment == *name && !matches!(state, RunState::Finished(_))
         };
-        let open: Vec<&Planned> = planned.iter().zip(states).filter(is_open).map(|(run, _)| run).collect();
+        let open: Vec<&Planned> = planned
+            .iter()
+            .zip(states)
+            .filter(is_open)
+            .map(|(run, _)| run)
+            .collect();
         let places = places(results, name, &open)?;
-        cluster.extend(places.into_iter().map(|(id, place)| ((name.clone(), id), place)));
+        cluster.extend(
+            places
+                .into_iter()
+                .map(|(id, place)| ((name.clone(), id), place)),
+        );
     }
     Ok(cluster)
 }
 
-/// What the cluster adds to what the files say of a run that has not finished: another word for its state, and more to tell.
+/// What the cluster adds to what the files say of a run that has not finished: another word for its
+/// state, and more to tell.
 fn placed(state: &RunState, place: &Place) -> (Option<&'static str>, String) {
     match (state, place.fate()) {
         (RunState::Running(_), _) | (_, Fate::Unsent) => (None, String::new()),
         (_, Fate::Waits(reason)) => (Some("queued"), format!("waits in Slurm: {reason}")),
-        (_, Fate::Runs(nodes)) => (Some("queued"), format!("its element is under way on {nodes}")),
+        (_, Fate::Runs(nodes)) => (
+            Some("queued"),
+            format!("its element is under way on {nodes}"),
+        ),
         // Their own files say more than Slurm does.
         (RunState::Failed(_), _) => (None, String::new()),
         (_, Fate::Cancelled) => (Some("cancelled"), String::new()),
-        (RunState::ToDo, Fate::Ended(how)) => (Some("failed"), format!("{how}, and it left no result")),
+        (RunState::ToDo, Fate::Ended(how)) => {
+            (Some("failed"), format!("{how}, and it left no result"))
+        }
         (_, Fate::Ended(how)) => (None, how),
-        (RunState::ToDo, Fate::Lost(job)) => (Some("lost"), format!("Slurm knows no job {job}, and it left no result")),
+        (RunState::ToDo, Fate::Lost(job)) => (
+            Some("lost"),
+            format!("Slurm knows no job {job}, and it left no result"),
+        ),
         (_, Fate::Lost(_)) => (None, String::new()),
     }
 }
@@ -104,18 +128,34 @@ struct Line {
 }
 
 impl Survey {
-    /// How far the runs `planned` are, which are in these `states`; `cluster` tells more of some that have not finished.
-    fn new(planned: &[Planned], states: &[RunState], cluster: &HashMap<(String, String), Place>) -> Self {
+    /// How far the runs `planned` are, which are in these `states`; `cluster` tells more of some
+    /// that have not finished.
+    fn new(
+        planned: &[Planned],
+        states: &[RunState],
+        cluster: &HashMap<(String, String), Place>,
+    ) -> Self {
         let mut costs = CostModel::default();
         for (run, state) in planned.iter().zip(states) {
-            if let RunState::Finished(manifest) | RunState::ToExtend { shorter: manifest, .. } = state {
+            if let RunState::Finished(manifest)
+            | RunState::ToExtend {
+                shorter: manifest, ..
+            } = state
+            {
                 costs.learn(&run.spec, manifest);
             }
         }
-        let mut survey = Self { lines: Vec::new(), counts: BTreeMap::new(), running: 0, left: 0.0, rate: 0.0 };
+        let mut survey = Self {
+            lines: Vec::new(),
+            counts: BTreeMap::new(),
+            running: 0,
+            left: 0.0,
+            rate: 0.0,
+        };
         for (run, state) in planned.iter().zip(states) {
             let place = cluster.get(&(run.spec.experiment.clone(), run.spec.id.clone()));
-            let (other_word, more) = place.map_or((None, String::new()), |place| placed(state, place));
+            let (other_word, more) =
+                place.map_or((None, String::new()), |place| placed(state, place));
             let word = other_word.unwrap_or(word(state));
             *survey.counts.entry(word).or_default() += 1;
             if !matches!(state, RunState::Finished(_) | RunState::Differs { .. }) {
@@ -123,9 +163,14 @@ impl Survey {
             }
             if let RunState::Running(heartbeat) = state {
                 survey.running += 1;
-                let (seconds, steps) = (costs.seconds(&run.spec), run.spec.trained_steps().max(1) as f64);
+                let (seconds, steps) = (
+                    costs.seconds(&run.spec),
+                    run.spec.trained_steps().max(1) as f64,
+                );
                 // Before its first iteration it is taken to be as fast as expected.
-                let rate = heartbeat.as_ref().map(|heartbeat| heartbeat.steps_per_second * seconds / steps);
+                let rate = heartbeat
+                    .as_ref()
+                    .map(|heartbeat| heartbeat.steps_per_second * seconds / steps);
                 survey.rate += rate.unwrap_or(1.0);
             }
             // What is to do and waits nowhere is only counted.
@@ -133,28 +178,52 @@ impl Survey {
             if let Some(detail) = detail(run, state).filter(|_| is_told) {
                 let parts = [detail, more].into_iter().filter(|text| !text.is_empty());
                 let name = format!("{}/{}", run.spec.experiment, run.spec.id);
-                survey.lines.push(Line { name, state: word, detail: parts.collect::<Vec<_>>().join("; ") });
+                survey.lines.push(Line {
+                    name,
+                    state: word,
+                    detail: parts.collect::<Vec<_>>().join("; "),
+                });
             }
         }
         survey
     }
 
-    /// The lines as a table, how many runs are in each state, and the time left; `otherwise` ends the last line.
+    /// The lines as a table, how many runs are in each state, and the time left; `otherwise` ends
+    /// the last line.
     fn render(&self, otherwise: &str) -> String {
         let mut lines = table(&["run", "state", ""]);
-        for Line { name, state, detail } in &self.lines {
+        for Line {
+            name,
+            state,
+            detail,
+        } in &self.lines
+        {
             lines.add_row([name.as_str(), state, detail].map(Cell::new));
         }
-        let counts: Vec<String> = self.counts.iter().map(|(word, count)| format!("{count} {word}")).collect();
+        let counts: Vec<String> = self
+            .counts
+            .iter()
+            .map(|(word, count)| format!("{count} {word}"))
+            .collect();
         let time = match self.running {
             _ if self.left == 0.0 => String::new(),
-            0 => format!("; nothing is running now; about {} of work left", clock(self.left)),
+            0 => format!(
+                "; nothing is running now; about {} of work left",
+                clock(self.left)
+            ),
             _ if self.rate == 0.0 => "; time left not yet known".to_owned(),
-            n => format!("; about {} left at {n} at a time", clock(self.left / self.rate)),
+            n => format!(
+                "; about {} left at {n} at a time",
+                clock(self.left / self.rate)
+            ),
         };
         let runs = counted(self.counts.values().sum(), "run");
         let whole = format!("{runs}: {}{time}{otherwise}\n", counts.join(", "));
-        if self.lines.is_empty() { whole } else { format!("{lines}\n{whole}") }
+        if self.lines.is_empty() {
+            whole
+        } else {
+            format!("{lines}\n{whole}")
+        }
     }
 }
 
@@ -176,13 +245,23 @@ fn detail(run: &Planned, state: &RunState) -> Option<String> {
                 heartbeat.written,
             )
         }
-        RunState::Interrupted { env_steps } => format!("{} of {steps} steps", thousands(*env_steps as f64)),
-        RunState::ToExtend { env_steps: Some(env_steps), .. } => {
+        RunState::Interrupted { env_steps } => {
+            format!("{} of {steps} steps", thousands(*env_steps as f64))
+        }
+        RunState::ToExtend {
+            env_steps: Some(env_steps),
+            ..
+        } => {
             format!("from {} to {steps} steps", thousands(*env_steps as f64))
         }
-        RunState::ToExtend { shorter, env_steps: None } => {
+        RunState::ToExtend {
+            shorter,
+            env_steps: None,
+        } => {
             let recorded = thousands(shorter.env_steps as f64);
-            format!("from its start to {steps} steps: the last state of its {recorded} was not kept")
+            format!(
+                "from its start to {steps} steps: the last state of its {recorded} was not kept"
+            )
         }
         RunState::Failed(manifest) => manifest.error().unwrap_or("it did not finish").to_owned(),
         RunState::Differs { keys } => format!("in {}", keys.join(", ")),
@@ -205,7 +284,10 @@ mod tests {
     fn what_slurm_calls_completed_and_left_no_result_has_failed_with_that_cause() {
         let (word, detail) = placed(&RunState::ToDo, &place(Some("COMPLETED"), false));
         assert_eq!(word, Some("failed"));
-        assert!(detail.contains("COMPLETED (exit code 0, on n1") && detail.contains("no result"), "{detail}");
+        assert!(
+            detail.contains("COMPLETED (exit code 0, on n1") && detail.contains("no result"),
+            "{detail}"
+        );
         let interrupted = RunState::Interrupted { env_steps: 7 };
         let (word, detail) = placed(&interrupted, &place(Some("TIMEOUT"), false));
         assert_eq!((word, detail.contains("TIMEOUT")), (None, true));
@@ -214,14 +296,24 @@ mod tests {
     #[test]
     fn the_files_word_goes_before_slurms() {
         for state in [Some("COMPLETED"), Some("PENDING"), None] {
-            assert_eq!(placed(&RunState::Running(None), &place(state, false)), (None, String::new()), "{state:?}");
+            assert_eq!(
+                placed(&RunState::Running(None), &place(state, false)),
+                (None, String::new()),
+                "{state:?}"
+            );
         }
     }
 
     #[test]
     fn what_waits_is_queued_and_what_slurm_forgot_is_lost_unless_it_was_cancelled() {
-        assert_eq!(placed(&RunState::ToDo, &place(Some("PENDING"), false)).0, Some("queued"));
+        assert_eq!(
+            placed(&RunState::ToDo, &place(Some("PENDING"), false)).0,
+            Some("queued")
+        );
         assert_eq!(placed(&RunState::ToDo, &place(None, false)).0, Some("lost"));
-        assert_eq!(placed(&RunState::ToDo, &place(None, true)).0, Some("cancelled"));
+        assert_eq!(
+            placed(&RunState::ToDo, &place(None, true)).0,
+            Some("cancelled")
+        );
     }
 }

@@ -52,7 +52,8 @@ pub struct SubmitArguments {
     /// The account that is charged [default: slurm.account of the file]
     #[arg(long, value_name = "NAME")]
     account: Option<Name>,
-    /// The time limit of an element, such as 90 (minutes) or 4:00:00 [default: slurm.time of the file]
+    /// The time limit of an element, such as 90 (minutes) or 4:00:00 [default: slurm.time of the
+    /// file]
     #[arg(long, value_name = "TIME")]
     time: Option<Time>,
     /// The memory of an element, such as 2G [default: slurm.memory of the file]
@@ -89,25 +90,42 @@ pub fn run(arguments: &SubmitArguments) -> anyhow::Result<ExitCode> {
     let specs: Vec<ExperimentSpec> = files.iter().map(|(_, spec)| spec.clone()).collect();
     let planned = chosen.planned(&specs)?;
     let states = match arguments.dry_run {
-        true => planned.iter().map(Planned::state).collect::<Result<Vec<_>, _>>()?,
+        true => planned
+            .iter()
+            .map(Planned::state)
+            .collect::<Result<Vec<_>, _>>()?,
         false => preflight::prepare(&planned, &chosen.results, arguments.fresh)?,
     };
     let mut costs = CostModel::default();
     for (run, state) in planned.iter().zip(&states) {
-        if let RunState::Finished(manifest) | RunState::ToExtend { shorter: manifest, .. } = state {
+        if let RunState::Finished(manifest)
+        | RunState::ToExtend {
+            shorter: manifest, ..
+        } = state
+        {
             costs.learn(&run.spec, manifest);
         }
     }
     // Nodes know nothing of the folder in which this was called.
-    let results = std::path::absolute(&chosen.results).context("cannot tell where the results are")?;
+    let results =
+        std::path::absolute(&chosen.results).context("cannot tell where the results are")?;
     if results.as_os_str().as_encoded_bytes().contains(&b'\\') {
-        bail!("{} has a backslash in its name, and Slurm cannot write logs there", results.display());
+        bail!(
+            "{} has a backslash in its name, and Slurm cannot write logs there",
+            results.display()
+        );
     }
     let folder = std::env::current_dir().context("cannot tell which folder this is")?;
     for (path, spec) in &files {
         let of_it = |(run, _): &(&Planned, &RunState)| run.spec.experiment == spec.name;
         let runs: Vec<(&Planned, &RunState)> = planned.iter().zip(&states).filter(of_it).collect();
-        let experiment = Experiment { arguments, path, spec, results: &results, folder: &folder };
+        let experiment = Experiment {
+            arguments,
+            path,
+            spec,
+            results: &results,
+            folder: &folder,
+        };
         experiment.submit(&runs, &costs)?;
     }
     Ok(ExitCode::SUCCESS)
@@ -126,16 +144,26 @@ struct Experiment<'a> {
 }
 
 impl Experiment<'_> {
-    /// Submits those of `runs` that have not finished, that nobody works on and that the cluster has not got.
+    /// Submits those of `runs` that have not finished, that nobody works on and that the cluster
+    /// has not got.
     fn submit(&self, runs: &[(&Planned, &RunState)], costs: &CostModel) -> anyhow::Result<()> {
         let name = &self.spec.name;
-        let open = runs.iter().filter(|(_, state)| !matches!(state, RunState::Finished(_) | RunState::Running(_)));
+        let open = runs
+            .iter()
+            .filter(|(_, state)| !matches!(state, RunState::Finished(_) | RunState::Running(_)));
         let mut due: Vec<(&Planned, &RunState)> = open.copied().collect();
         let plans: Vec<&Planned> = due.iter().map(|(run, _)| *run).collect();
         let places = places(self.results, name, &plans)?;
-        due.retain(|(run, _)| !places.get(&run.spec.id).is_some_and(|place| place.is_taken()));
+        due.retain(|(run, _)| {
+            !places
+                .get(&run.spec.id)
+                .is_some_and(|place| place.is_taken())
+        });
         if due.is_empty() {
-            let finished = runs.iter().filter(|(_, state)| matches!(state, RunState::Finished(_))).count();
+            let finished = runs
+                .iter()
+                .filter(|(_, state)| matches!(state, RunState::Finished(_)))
+                .count();
             let rest = match runs.len() - finished {
                 0 => String::new(),
                 n => format!(", {n} running or queued"),
@@ -148,7 +176,12 @@ impl Experiment<'_> {
         // Longest first, so that no long run is left alone at the end.
         due.sort_by(|a, b| seconds_of(b.0, b.1, costs).total_cmp(&seconds_of(a.0, a.1, costs)));
         let due: Vec<&Planned> = due.into_iter().map(|(run, _)| run).collect();
-        let pack = self.arguments.pack.map(usize::from).or(self.spec.slurm.pack.map(|pack| pack.size())).unwrap_or(1);
+        let pack = self
+            .arguments
+            .pack
+            .map(usize::from)
+            .or(self.spec.slurm.pack.map(|pack| pack.size()))
+            .unwrap_or(1);
         let elements: Vec<Vec<&Planned>> = due.chunks(pack).map(<[_]>::to_vec).collect();
         let request = self.request();
         let most = slurm::most_elements();
@@ -167,53 +200,135 @@ impl Experiment<'_> {
 
     /// What the file asks for, under what the command line does.
     fn request(&self) -> Request {
-        let Slurm { partition, account, time, memory, throttle, grace, sbatch, .. } = &self.spec.slurm;
+        let Slurm {
+            partition,
+            account,
+            time,
+            memory,
+            throttle,
+            grace,
+            sbatch,
+            ..
+        } = &self.spec.slurm;
         let given = self.arguments;
-        let option = |name: &str, value: Option<&str>| value.map(|value| format!("--{name}={value}"));
+        let option =
+            |name: &str, value: Option<&str>| value.map(|value| format!("--{name}={value}"));
         let mut options: Vec<String> = [
-            option("partition", given.partition.as_ref().or(partition.as_ref()).map(Name::as_str)),
-            option("account", given.account.as_ref().or(account.as_ref()).map(Name::as_str)),
-            option("time", given.time.as_ref().or(time.as_ref()).map(Time::as_str)),
-            option("mem", given.memory.as_ref().or(memory.as_ref()).map(Memory::as_str)),
+            option(
+                "partition",
+                given
+                    .partition
+                    .as_ref()
+                    .or(partition.as_ref())
+                    .map(Name::as_str),
+            ),
+            option(
+                "account",
+                given
+                    .account
+                    .as_ref()
+                    .or(account.as_ref())
+                    .map(Name::as_str),
+            ),
+            option(
+                "time",
+                given.time.as_ref().or(time.as_ref()).map(Time::as_str),
+            ),
+            option(
+                "mem",
+                given
+                    .memory
+                    .as_ref()
+                    .or(memory.as_ref())
+                    .map(Memory::as_str),
+            ),
             option("cpus-per-task", Some(&self.cpus().to_string())),
         ]
         .into_iter()
         .flatten()
         .collect();
-        options.extend(sbatch.iter().chain(&given.sbatch).map(|option| option.as_str().to_owned()));
-        let throttle = given.throttle.map(usize::from).or(throttle.map(|throttle| throttle.size()));
-        Request { options, throttle, grace: grace.map_or(GRACE, |grace| grace.get()) }
+        options.extend(
+            sbatch
+                .iter()
+                .chain(&given.sbatch)
+                .map(|option| option.as_str().to_owned()),
+        );
+        let throttle = given
+            .throttle
+            .map(usize::from)
+            .or(throttle.map(|throttle| throttle.size()));
+        Request {
+            options,
+            throttle,
+            grace: grace.map_or(GRACE, |grace| grace.get()),
+        }
     }
 
     fn cpus(&self) -> usize {
-        self.arguments.cpus.map(usize::from).or(self.spec.slurm.cpus.map(|cpus| cpus.size())).unwrap_or(1)
+        self.arguments
+            .cpus
+            .map(usize::from)
+            .or(self.spec.slurm.cpus.map(|cpus| cpus.size()))
+            .unwrap_or(1)
     }
 
     /// The arguments of the report.
     fn report(&self) -> Vec<OsString> {
         let mut report: Vec<OsString> = vec!["--results".into(), self.results.into()];
-        for (option, values) in [("--set", &self.arguments.chosen.set), ("--axis", &self.arguments.chosen.axis)] {
-            report.extend(values.iter().map(|value| format!("{option}={value}").into()));
+        for (option, values) in [
+            ("--set", &self.arguments.chosen.set),
+            ("--axis", &self.arguments.chosen.axis),
+        ] {
+            report.extend(
+                values
+                    .iter()
+                    .map(|value| format!("{option}={value}").into()),
+            );
         }
         report.extend(["--".into(), self.path.into()]);
         report
     }
 
     /// Freezes the plan, and hands it to the cluster.
-    fn send(&self, request: &Request, chunks: &[Chunk], elements: &[Vec<&Planned>]) -> anyhow::Result<()> {
+    fn send(
+        &self,
+        request: &Request,
+        chunks: &[Chunk],
+        elements: &[Vec<&Planned>],
+    ) -> anyhow::Result<()> {
         let (name, arguments) = (&self.spec.name, self.arguments);
         let folder = self.make_folder()?;
         let program = program::frozen(self.results)?;
-        Submission::new(name, self.results, self.folder, self.cpus(), arguments.retries, arguments.verbose)
-            .freeze(&folder, elements)?;
+        Submission::new(
+            name,
+            self.results,
+            self.folder,
+            self.cpus(),
+            arguments.retries,
+            arguments.verbose,
+        )
+        .freeze(&folder, elements)?;
         write_atomically(&folder.join("array.sh"), &script::array(&program, &folder))?;
-        write_atomically(&folder.join("collect.sh"), &script::collect(&program, self.folder, &self.report()))?;
+        write_atomically(
+            &folder.join("collect.sh"),
+            &script::collect(&program, self.folder, &self.report()),
+        )?;
         let mut jobs = Vec::new();
         for chunk in chunks {
-            let job = slurm::sbatch(&script::sbatch_array(request, *chunk, name, &folder)).with_context(|| {
-                format!("{} of {} elements were sent; the same command sends the rest", chunk.first, elements.len())
-            })?;
-            Asked::Array { job: job.clone(), first: chunk.first, count: chunk.count }.add(&folder)?;
+            let job = slurm::sbatch(&script::sbatch_array(request, *chunk, name, &folder))
+                .with_context(|| {
+                    format!(
+                        "{} of {} elements were sent; the same command sends the rest",
+                        chunk.first,
+                        elements.len()
+                    )
+                })?;
+            Asked::Array {
+                job: job.clone(),
+                first: chunk.first,
+                count: chunk.count,
+            }
+            .add(&folder)?;
             jobs.push(job);
         }
         let job = slurm::sbatch(&script::sbatch_collect(request, &jobs, name, &folder))
@@ -257,19 +372,34 @@ impl Experiment<'_> {
         let folder = Submission::all(self.results, &self.spec.name)?.join("NEW");
         let program = self.results.join(".programs").join("mcpo-run");
         let line = |arguments: &[OsString]| {
-            let words: Vec<String> =
-                arguments.iter().map(|word| String::from_utf8_lossy(&script::quoted(word)).into_owned()).collect();
+            let words: Vec<String> = arguments
+                .iter()
+                .map(|word| String::from_utf8_lossy(&script::quoted(word)).into_owned())
+                .collect();
             format!("sbatch {}\n", words.join(" "))
         };
         let mut text = String::new();
         for chunk in chunks {
-            text.push_str(&line(&script::sbatch_array(request, *chunk, &self.spec.name, &folder)));
+            text.push_str(&line(&script::sbatch_array(
+                request,
+                *chunk,
+                &self.spec.name,
+                &folder,
+            )));
         }
         let jobs: Vec<String> = (1..=chunks.len()).map(|n| format!("JOB{n}")).collect();
-        text.push_str(&line(&script::sbatch_collect(request, &jobs, &self.spec.name, &folder)));
+        text.push_str(&line(&script::sbatch_collect(
+            request,
+            &jobs,
+            &self.spec.name,
+            &folder,
+        )));
         for (name, script) in [
             ("array.sh", script::array(&program, &folder)),
-            ("collect.sh", script::collect(&program, self.folder, &self.report())),
+            (
+                "collect.sh",
+                script::collect(&program, self.folder, &self.report()),
+            ),
         ] {
             text.push_str(&format!("\n# {name}\n{}", String::from_utf8_lossy(&script)));
         }

@@ -34,17 +34,19 @@ pub struct VerifyArguments {
     /// Only the runs that match, such as env=Hopper-v2,algorithm=mcpo
     #[arg(long, value_name = "KEY=VALUE,...")]
     only: Vec<String>,
-    /// Keep what is computed in this folder of results, and resume from what it holds [default: a temporary one]
+    /// Keep what is computed in this folder of results, and resume from what it holds [default: a
+    /// temporary one]
     #[arg(long, value_name = "DIR")]
     results: Option<PathBuf>,
     /// Runs at a time, one process each [default: the physical cores]
     #[arg(long, short, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     jobs: Option<u16>,
-    /// Write the record to DIR, which must not exist yet: rows and manifests without hosts, command lines, logs or policies
+    /// Write the record to DIR, which must not exist yet: rows and manifests without hosts, command
+    /// lines, logs or policies
     #[arg(long)]
     record: bool,
-    /// Insist on the same bits where the record was made on this class of machine: a record that other versions of the
-    /// program or of MuJoCo made is then a difference
+    /// Insist on the same bits where the record was made on this class of machine: a record that
+    /// other versions of the program or of MuJoCo made is then a difference
     #[arg(long, conflicts_with = "record")]
     exact: bool,
     /// Show only failures
@@ -56,13 +58,23 @@ pub struct VerifyArguments {
 pub fn run(arguments: &VerifyArguments) -> anyhow::Result<ExitCode> {
     let against = &arguments.against;
     if arguments.record && against.exists() {
-        bail!("{} already exists; remove it to record it again", against.display());
+        bail!(
+            "{} already exists; remove it to record it again",
+            against.display()
+        );
     }
     if !arguments.record && !against.join("runs").is_dir() {
-        bail!("{} holds no recorded runs (there is no {}/runs)", against.display(), against.display());
+        bail!(
+            "{} holds no recorded runs (there is no {}/runs)",
+            against.display(),
+            against.display()
+        );
     }
     let temporary = tempfile::tempdir().context("cannot make a temporary folder")?;
-    let results = arguments.results.clone().unwrap_or_else(|| temporary.path().to_owned());
+    let results = arguments
+        .results
+        .clone()
+        .unwrap_or_else(|| temporary.path().to_owned());
     let chosen = Chosen {
         paths: vec![arguments.path.clone()],
         set: Vec::new(),
@@ -72,7 +84,11 @@ pub fn run(arguments: &VerifyArguments) -> anyhow::Result<ExitCode> {
     };
     let specs = chosen.load()?;
     if specs.len() != 1 {
-        bail!("{} holds {} experiments; one can be compared with one record", arguments.path.display(), specs.len());
+        bail!(
+            "{} holds {} experiments; one can be compared with one record",
+            arguments.path.display(),
+            specs.len()
+        );
     }
     let planned = chosen.planned(&specs)?;
     if compute(&planned, &chosen.results, arguments.jobs, arguments.quiet)?.interrupted {
@@ -84,7 +100,12 @@ pub fn run(arguments: &VerifyArguments) -> anyhow::Result<ExitCode> {
     let mut lines = Vec::new();
     let mut elsewhere = BTreeSet::new();
     for run in &planned {
-        match difference(run, &against.join("runs").join(&run.spec.id), arguments.exact, &mut elsewhere) {
+        match difference(
+            run,
+            &against.join("runs").join(&run.spec.id),
+            arguments.exact,
+            &mut elsewhere,
+        ) {
             Ok(None) => {}
             Ok(Some(difference)) => lines.push(format!("{}: {difference}\n", run.spec.id)),
             Err(error) => lines.push(format!("{}: {}\n", run.spec.id, told(&error))),
@@ -97,7 +118,12 @@ pub fn run(arguments: &VerifyArguments) -> anyhow::Result<ExitCode> {
         lines.extend(
             more.iter()
                 .filter(|id| !known.contains(id.as_str()))
-                .map(|id| format!("{id}: recorded, but no run of {}\n", arguments.path.display())),
+                .map(|id| {
+                    format!(
+                        "{id}: recorded, but no run of {}\n",
+                        arguments.path.display()
+                    )
+                }),
         );
     }
     let how = match elsewhere.first() {
@@ -106,15 +132,25 @@ pub fn run(arguments: &VerifyArguments) -> anyhow::Result<ExitCode> {
     };
     let name = &specs[0].name;
     let all = planned.len();
-    lines.push(format!("{name}: {} of {all} runs are as recorded, {how}\n", all - differ));
+    lines.push(format!(
+        "{name}: {} of {all} runs are as recorded, {how}\n",
+        all - differ
+    ));
     print(&lines.concat())?;
-    Ok(if lines.len() == 1 { ExitCode::SUCCESS } else { ExitCode::from(NOT_REPRODUCED) })
+    Ok(if lines.len() == 1 {
+        ExitCode::SUCCESS
+    } else {
+        ExitCode::from(NOT_REPRODUCED)
+    })
 }
 
-/// In what `run` differs from what the folder `recorded` holds of it. Why the bits of a run cannot be compared is added to
-/// `elsewhere`; where they must be, that it was made by other versions is a difference.
+/// In what `run` differs from what the folder `recorded` holds of it. Why the bits of a run cannot
+/// be compared is added to `elsewhere`; where they must be, that it was made by other versions is a
+/// difference.
 ///
-/// Errors: a file of either is missing or damaged.
+/// # Errors
+///
+/// A file of either is missing or damaged.
 fn difference(
     run: &Planned,
     recorded: &Path,
@@ -126,40 +162,53 @@ fn difference(
     };
     let keys = run.differences(&before.stamp);
     if !keys.is_empty() {
-        return Ok(Some(format!("another run is recorded; it differs in {}", keys.join(", "))));
+        return Ok(Some(format!(
+            "another run is recorded; it differs in {}",
+            keys.join(", ")
+        )));
     }
     let now = run.paths.ended()?.context("it did not finish")?;
     match (&before.outcome, &now.outcome) {
         (Outcome::Finished, Outcome::Finished) => {}
         (_, Outcome::Failed { error, .. }) => return Ok(Some(format!("failed: {error}"))),
         (Outcome::Failed { error, .. }, Outcome::Finished) => {
-            return Ok(Some(format!("recorded as failed ({error}), but finished now")));
+            return Ok(Some(format!(
+                "recorded as failed ({error}), but finished now"
+            )));
         }
         (before, now) => return Ok(Some(format!("recorded as {before:?}, now {now:?}"))),
     }
     before.check_tables(recorded)?;
     let exactness = match inexact(&before, &now.stamp) {
         None => Exactness::Bits,
-        Some(Inexact::Versions(reason)) if exact => return Ok(Some(format!("{reason}: it must be recorded again"))),
+        Some(Inexact::Versions(reason)) if exact => {
+            return Ok(Some(format!("{reason}: it must be recorded again")));
+        }
         Some(Inexact::Versions(reason) | Inexact::Machine(reason)) => {
             elsewhere.insert(reason);
             Exactness::FirstIteration
         }
     };
-    Ok(compare::runs(recorded, &run.paths.complete, exactness)?.map(|difference| difference.to_string()))
+    Ok(compare::runs(recorded, &run.paths.complete, exactness)?
+        .map(|difference| difference.to_string()))
 }
 
 /// The ids of the runs that are recorded in `folder`.
 fn recorded_ids(folder: &Path, prefix: &str) -> anyhow::Result<Vec<String>> {
     let mut ids = Vec::new();
-    let entries = fs::read_dir(folder).with_context(|| format!("cannot read {}", folder.display()))?;
+    let entries =
+        fs::read_dir(folder).with_context(|| format!("cannot read {}", folder.display()))?;
     for entry in entries {
         let entry = entry.with_context(|| format!("cannot read {}", folder.display()))?;
         // Not through links, which may lead in a circle.
         if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
             let id = format!("{prefix}{}", entry.file_name().to_string_lossy());
             let is_run = RunPaths::manifest(&entry.path()).exists();
-            ids.extend(if is_run { vec![id] } else { recorded_ids(&entry.path(), &format!("{id}/"))? });
+            ids.extend(if is_run {
+                vec![id]
+            } else {
+                recorded_ids(&entry.path(), &format!("{id}/"))?
+            });
         }
     }
     ids.sort();
@@ -169,19 +218,36 @@ fn recorded_ids(folder: &Path, prefix: &str) -> anyhow::Result<Vec<String>> {
 /// Makes `against` the record of `planned`, all of which must have finished.
 fn record(planned: &[Planned], against: &Path) -> anyhow::Result<ExitCode> {
     for run in planned {
-        let manifest = run.paths.ended()?.filter(|manifest| manifest.outcome == Outcome::Finished);
-        let manifest = manifest.with_context(|| format!("{} did not finish; nothing is recorded", run.spec.id))?;
+        let manifest = run
+            .paths
+            .ended()?
+            .filter(|manifest| manifest.outcome == Outcome::Finished);
+        let manifest = manifest
+            .with_context(|| format!("{} did not finish; nothing is recorded", run.spec.id))?;
         if !manifest.is_of_one_class() {
-            bail!("{} was computed on more than one class of machine: nobody could repeat its bits", run.spec.id);
+            bail!(
+                "{} was computed on more than one class of machine: nobody could repeat its bits",
+                run.spec.id
+            );
         }
         let folder = against.join("runs").join(&run.spec.id);
-        fs::create_dir_all(&folder).with_context(|| format!("cannot create {}", folder.display()))?;
+        fs::create_dir_all(&folder)
+            .with_context(|| format!("cannot create {}", folder.display()))?;
         for file in [RunPaths::progress, RunPaths::evaluations] {
             let (from, to) = (file(&run.paths.complete), file(&folder));
-            fs::copy(&from, &to).with_context(|| format!("cannot copy {} to {}", from.display(), to.display()))?;
+            fs::copy(&from, &to)
+                .with_context(|| format!("cannot copy {} to {}", from.display(), to.display()))?;
         }
-        Manifest { attempts: Vec::new(), ..manifest }.write(&RunPaths::manifest(&folder))?;
+        Manifest {
+            attempts: Vec::new(),
+            ..manifest
+        }
+        .write(&RunPaths::manifest(&folder))?;
     }
-    print(&format!("{} runs recorded in {}\n", planned.len(), against.display()))?;
+    print(&format!(
+        "{} runs recorded in {}\n",
+        planned.len(),
+        against.display()
+    ))?;
     Ok(ExitCode::SUCCESS)
 }

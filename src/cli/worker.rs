@@ -25,7 +25,9 @@ pub struct WorkerArguments {
 
 /// Does the job.
 pub fn run(arguments: &WorkerArguments) -> anyhow::Result<ExitCode> {
-    let Some((plan, index)) = arguments.manifest.as_deref().zip(arguments.index) else { return Ok(worker::run()) };
+    let Some((plan, index)) = arguments.manifest.as_deref().zip(arguments.index) else {
+        return Ok(worker::run());
+    };
     let stop = StopRequest::on_signals().context("cannot listen for signals")?;
     let ended = element::run(plan, index, &stop)?;
     if ended.summary.left > 0 && ended.summary.interrupted {
@@ -35,16 +37,27 @@ pub fn run(arguments: &WorkerArguments) -> anyhow::Result<ExitCode> {
         return Ok(ExitCode::from(INTERRUPTED));
     }
     let all_is_well = ended.summary.failed.is_empty() && ended.summary.left == 0;
-    Ok(if all_is_well { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+    Ok(if all_is_well {
+        ExitCode::SUCCESS
+    } else {
+        ExitCode::FAILURE
+    })
 }
 
-/// Has the cluster start this element again, whose time is nearly up: with runs that came no farther that would go on for ever.
+/// Has the cluster start this element again, whose time is nearly up: with runs that came no
+/// farther that would go on for ever.
 fn resume_later(ended: &Ended) {
     let variable = |name| env::var(name).ok();
-    let Some((job, index)) = variable("SLURM_ARRAY_JOB_ID").zip(variable("SLURM_ARRAY_TASK_ID")) else { return };
+    let Some((job, index)) = variable("SLURM_ARRAY_JOB_ID").zip(variable("SLURM_ARRAY_TASK_ID"))
+    else {
+        return;
+    };
     let requeued = match ended.is_farther {
-        true => slurm::requeue(&format!("{job}_{index}")).context("this element cannot be started again"),
-        false => Err(anyhow::anyhow!("no run got any farther: this element needs a longer time limit")),
+        true => slurm::requeue(&format!("{job}_{index}"))
+            .context("this element cannot be started again"),
+        false => Err(anyhow::anyhow!(
+            "no run got any farther: this element needs a longer time limit"
+        )),
     };
     if let Err(error) = requeued {
         complain(&error);

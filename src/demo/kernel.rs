@@ -24,17 +24,21 @@ pub struct Kernel {
 }
 
 impl Kernel {
-    /// The kernel of `bandwidth` for the demonstration's `points` (`[dim x m]`, one column a point).
+    /// The kernel of `bandwidth` for the demonstration's `points` (`[dim x m]`, one column a
+    /// point).
     ///
     /// [`Bandwidth::Median`] is the median heuristic (Gretton et al., 2012): sigma is the median distance between two
-    /// points. It looks at no more than [`MEDIAN_POINTS`] points, evenly spaced in the demonstration's order, so that a
-    /// long demonstration costs no more. Distances of 0 do not count; where there is no other, sigma is 1.
+    /// points. It looks at no more than [`MEDIAN_POINTS`] points, evenly spaced in the
+    /// demonstration's order, so that a long demonstration costs no more. Distances of 0 do not
+    /// count; where there is no other, sigma is 1.
     pub fn new(bandwidth: Bandwidth, points: &DMatrix<f32>) -> Self {
         let sigma = match bandwidth {
             Bandwidth::Fixed(sigma) => sigma.get(),
             Bandwidth::Median => median_distance(points).unwrap_or(1.0),
         };
-        Self { scale: 0.5 / (sigma * sigma) }
+        Self {
+            scale: 0.5 / (sigma * sigma),
+        }
     }
 }
 
@@ -44,10 +48,17 @@ pub const MEDIAN_POINTS: usize = 1000;
 /// The median of the distances above 0 between points.
 fn median_distance(points: &DMatrix<f32>) -> Option<f64> {
     let n = points.ncols().min(MEDIAN_POINTS);
-    let chosen: Vec<_> = (0..n).map(|i| points.column(i * points.ncols() / n)).collect();
+    let chosen: Vec<_> = (0..n)
+        .map(|i| points.column(i * points.ncols() / n))
+        .collect();
     let mut squared: Vec<f32> = Vec::with_capacity(n * n.saturating_sub(1) / 2);
     for (i, x) in chosen.iter().enumerate() {
-        squared.extend(chosen[..i].iter().map(|y| squared_distance(x.as_slice(), y.as_slice())).filter(|&d| d > 0.0));
+        squared.extend(
+            chosen[..i]
+                .iter()
+                .map(|y| squared_distance(x.as_slice(), y.as_slice()))
+                .filter(|&d| d > 0.0),
+        );
     }
     if squared.is_empty() {
         return None;
@@ -89,7 +100,8 @@ mod tests {
 
     #[test]
     fn a_long_demonstration_is_thinned_over_its_whole_length() {
-        // On an even line the median distance is (1 - 1/sqrt(2)) of its length, however it is thinned.
+        // On an even line the median distance is (1 - 1/sqrt(2)) of its length, however it is
+        // thinned.
         let line: Vec<f32> = (0..20_000).map(|i| i as f32 / 20_000.0).collect();
         assert!((sigma(Bandwidth::Median, &line) - (1.0 - 0.5f64.sqrt())).abs() < 1e-3);
     }

@@ -1,11 +1,13 @@
 //! MMD^2 between two samples (appendix, Eq. 4), its gradient and its witness function.
 //!
-//! Owns the estimators over kernel values. Knows nothing of where samples come from: a point is a column of numbers, for
-//! MCPO the standardised observation above the raw action. Start at [`Target`].
+//! Owns the estimators over kernel values. Knows nothing of where samples come from: a point is a
+//! column of numbers, for MCPO the standardised observation above the raw action. Start at
+//! [`Target`].
 //!
-//! Kernel values are f32 with a relative error below 1e-5 for points of squared norm below 50 (about the demonstration's
-//! mean); their sums are f64 of at most 16 in f32, in a fixed order. Memory is one block of kernel values beside the points, whatever their
-//! number. The work is `n (n / 2 + m)` kernel values.
+//! Kernel values are f32 with a relative error below 1e-5 for points of squared norm below 50
+//! (about the demonstration's mean); their sums are f64 of at most 16 in f32, in a fixed order.
+//! Memory is one block of kernel values beside the points, whatever their number. The work is `n (n
+//! / 2 + m)` kernel values.
 
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
@@ -27,14 +29,19 @@ pub enum Estimator {
 }
 
 impl Estimator {
-    /// How many pairs of `n` points count. A single point has no other, so it counts with itself under both.
+    /// How many pairs of `n` points count. A single point has no other, so it counts with itself
+    /// under both.
     fn pairs(self, n: usize) -> f64 {
         n as f64 * self.partners(n)
     }
 
     /// How many partners each of `n` points has.
     fn partners(self, n: usize) -> f64 {
-        if self.counts_itself(n) { n as f64 } else { (n - 1) as f64 }
+        if self.counts_itself(n) {
+            n as f64
+        } else {
+            (n - 1) as f64
+        }
     }
 
     /// Whether a point's kernel value with itself, 1, counts.
@@ -49,7 +56,8 @@ impl Estimator {
     }
 }
 
-/// The demonstration's side of the MMD: its points and their mean kernel value, which stay while the policy's change.
+/// The demonstration's side of the MMD: its points and their mean kernel value, which stay while
+/// the policy's change.
 #[derive(Debug, Clone)]
 pub struct Target {
     points: Points,
@@ -69,7 +77,8 @@ struct Sums {
     to_target: Vec<f64>,
 }
 
-/// For each sample the sum of other points, in their own scale, weighted by their kernel value `[dim x n]`.
+/// For each sample the sum of other points, in their own scale, weighted by their kernel value
+/// `[dim x n]`.
 struct WeightedSums {
     of_samples: DMatrix<f32>,
     of_target: DMatrix<f32>,
@@ -82,7 +91,9 @@ impl Target {
         let m = points.ncols();
         let centre = DVector::from_iterator(
             points.nrows(),
-            points.row_iter().map(|row| (row.iter().map(|&x| f64::from(x)).sum::<f64>() / m as f64) as f32),
+            points
+                .row_iter()
+                .map(|row| (row.iter().map(|&x| f64::from(x)).sum::<f64>() / m as f64) as f32),
         );
         let points = Points::new(&points, &centre, kernel);
         let mut sums = vec![0.0; m];
@@ -93,7 +104,13 @@ impl Target {
             }
         });
         let self_similarity = estimator.self_similarity(sums.iter().sum(), m);
-        Self { points, centre, kernel, estimator, self_similarity }
+        Self {
+            points,
+            centre,
+            kernel,
+            estimator,
+            self_similarity,
+        }
     }
 
     /// Numbers of a point.
@@ -109,13 +126,20 @@ impl Target {
 
     /// MMD^2, and its gradient with respect to each sample (`[dim x n]`).
     pub fn mmd_squared_gradient(&self, samples: &DMatrix<f32>, gradient: &mut DMatrix<f32>) -> f64 {
-        assert_eq!(samples.shape(), gradient.shape(), "a gradient has its samples' shape");
+        assert_eq!(
+            samples.shape(),
+            gradient.shape(),
+            "a gradient has its samples' shape"
+        );
         let samples = Points::new(samples, &self.centre, self.kernel);
         let zeros = || DMatrix::zeros(samples.dim(), samples.len());
-        let mut weighted = WeightedSums { of_samples: zeros(), of_target: zeros() };
+        let mut weighted = WeightedSums {
+            of_samples: zeros(),
+            of_target: zeros(),
+        };
         let sums = self.pass(&samples, Some(&mut weighted));
-        // d k(x, y) / dx = -2 scale k(x, y) (x - y); a pair of samples counts twice, from either end, and so does a pair
-        // with the target, by the 2 of Eq. (4).
+        // d k(x, y) / dx = -2 scale k(x, y) (x - y); a pair of samples counts twice, from either
+        // end, and so does a pair with the target, by the 2 of Eq. (4).
         let n = samples.len();
         // The differences are in the points' scale.
         let factor = 4.0 * self.kernel.scale / samples.scale();
@@ -123,7 +147,8 @@ impl Target {
         let other = factor / (n as f64 * self.points.len() as f64);
         for (j, mut column) in gradient.column_iter_mut().enumerate() {
             let x = samples.columns(j..j + 1);
-            let (own_mean, other_mean) = (weighted.of_samples.column(j), weighted.of_target.column(j));
+            let (own_mean, other_mean) =
+                (weighted.of_samples.column(j), weighted.of_target.column(j));
             for (i, slope) in column.iter_mut().enumerate() {
                 let x = f64::from(x[i]);
                 let from_samples = own * (x * sums.to_samples[j] - f64::from(own_mean[i]));
@@ -134,19 +159,30 @@ impl Target {
         self.value(&sums)
     }
 
-    /// MMD^2, and the witness function at each sample (`[n]`): the mean kernel value to `samples` minus that to the target.
+    /// MMD^2, and the witness function at each sample (`[n]`): the mean kernel value to `samples`
+    /// minus that to the target.
     ///
-    /// Twice the witness is a sample's cost in the policy gradient of MMD^2. Under [`Estimator::U`] the mean over `samples`
-    /// leaves out the sample itself, which would otherwise add `1 / n` of its own making to every cost and none of it
-    /// the policy's; the mean witness is then an unbiased estimate too.
+    /// Twice the witness is a sample's cost in the policy gradient of MMD^2. Under [`Estimator::U`]
+    /// the mean over `samples` leaves out the sample itself, which would otherwise add `1 / n` of
+    /// its own making to every cost and none of it the policy's; the mean witness is then an
+    /// unbiased estimate too.
     pub fn mmd_squared_witness(&self, samples: &DMatrix<f32>, witness: &mut [f64]) -> f64 {
         assert_eq!(samples.ncols(), witness.len(), "a sample has one witness");
         let samples = Points::new(samples, &self.centre, self.kernel);
         let sums = self.pass(&samples, None);
         let n = samples.len();
-        let own = if self.estimator.counts_itself(n) { 1.0 } else { 0.0 };
-        for ((value, to_samples), to_target) in witness.iter_mut().zip(&sums.to_samples).zip(&sums.to_target) {
-            *value = (to_samples + own) / self.estimator.partners(n) - to_target / self.points.len() as f64;
+        let own = if self.estimator.counts_itself(n) {
+            1.0
+        } else {
+            0.0
+        };
+        for ((value, to_samples), to_target) in witness
+            .iter_mut()
+            .zip(&sums.to_samples)
+            .zip(&sums.to_target)
+        {
+            *value = (to_samples + own) / self.estimator.partners(n)
+                - to_target / self.points.len() as f64;
         }
         self.value(&sums)
     }
@@ -155,7 +191,10 @@ impl Target {
     fn pass(&self, samples: &Points, mut weighted: Option<&mut WeightedSums>) -> Sums {
         assert!(samples.len() > 0, "the MMD needs at least one sample");
         let n = samples.len();
-        let mut sums = Sums { to_samples: vec![0.0; n], to_target: vec![0.0; n] };
+        let mut sums = Sums {
+            to_samples: vec![0.0; n],
+            to_target: vec![0.0; n],
+        };
         pairs::within(samples, |block| {
             let (rows, columns) = (block.rows.clone(), block.columns.clone());
             block.add_column_sums(&mut sums.to_samples);
@@ -166,14 +205,24 @@ impl Target {
                 let target = of_samples.columns_range_mut(columns.clone());
                 product(samples.columns(rows.clone()), block.values, 1.0, target);
                 if rows != columns {
-                    product_nt(samples.columns(columns), block.values, 1.0, of_samples.columns_range_mut(rows));
+                    product_nt(
+                        samples.columns(columns),
+                        block.values,
+                        1.0,
+                        of_samples.columns_range_mut(rows),
+                    );
                 }
             }
         });
         pairs::between(&self.points, samples, |block| {
             block.add_column_sums(&mut sums.to_target);
             if let Some(WeightedSums { of_target, .. }) = &mut weighted {
-                product(self.points.columns(block.rows), block.values, 1.0, of_target.columns_range_mut(block.columns));
+                product(
+                    self.points.columns(block.rows),
+                    block.values,
+                    1.0,
+                    of_target.columns_range_mut(block.columns),
+                );
             }
         });
         sums
@@ -182,11 +231,17 @@ impl Target {
     /// MMD^2 from the sums.
     fn value(&self, sums: &Sums) -> f64 {
         let n = sums.to_samples.len();
-        let samples = self.estimator.self_similarity(sums.to_samples.iter().sum(), n);
+        let samples = self
+            .estimator
+            .self_similarity(sums.to_samples.iter().sum(), n);
         let cross = sums.to_target.iter().sum::<f64>() / (n as f64 * self.points.len() as f64);
         let value = samples - 2.0 * cross + self.self_similarity;
         // The V-statistic is a squared norm: below 0 it is rounding. (`max` would hide a NaN.)
-        if self.estimator == Estimator::V && value < 0.0 { 0.0 } else { value }
+        if self.estimator == Estimator::V && value < 0.0 {
+            0.0
+        } else {
+            value
+        }
     }
 }
 

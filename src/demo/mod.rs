@@ -1,7 +1,7 @@
 //! Demonstrations, and how far a policy is from one.
 //!
-//! Owns the Parquet format, import, verification by re-simulation, the Gaussian kernel, its units and the MMD. Knows nothing of
-//! networks or updates. Start at [`Demonstration`] and [`mmd`].
+//! Owns the Parquet format, import, verification by re-simulation, the Gaussian kernel, its units
+//! and the MMD. Knows nothing of networks or updates. Start at [`Demonstration`] and [`mmd`].
 
 mod character;
 pub mod import;
@@ -63,8 +63,17 @@ impl Demonstration {
 
     /// The steps of each episode, in order.
     pub fn episodes(&self) -> impl Iterator<Item = Range<usize>> {
-        let ends = self.episode_starts.iter().skip(1).copied().chain([self.len()]);
-        self.episode_starts.iter().copied().zip(ends).map(|(start, end)| start..end)
+        let ends = self
+            .episode_starts
+            .iter()
+            .skip(1)
+            .copied()
+            .chain([self.len()]);
+        self.episode_starts
+            .iter()
+            .copied()
+            .zip(ends)
+            .map(|(start, end)| start..end)
     }
 
     /// The sum of the dense rewards of each episode; absent where the rewards are.
@@ -74,7 +83,9 @@ impl Demonstration {
 
     /// The sum over each episode of `values`, which has one a step.
     pub fn sums(&self, values: &[f64]) -> Vec<f64> {
-        self.episodes().map(|steps| values[steps].iter().sum()).collect()
+        self.episodes()
+            .map(|steps| values[steps].iter().sum())
+            .collect()
     }
 
     /// The environment that the file names as its own, in the words of whoever wrote it.
@@ -84,41 +95,78 @@ impl Demonstration {
         KEYS.iter().find_map(label).map(|(_, label)| label.as_str())
     }
 
-    /// Checks that observations, actions and poses have the lengths that `env` needs, and that they are not another
-    /// environment's: by the file's word, and by how they move where another one has the same lengths.
+    /// Checks that observations, actions and poses have the lengths that `env` needs, and that they
+    /// are not another environment's: by the file's word, and by how they move where another one
+    /// has the same lengths.
     ///
-    /// Errors: they do not or are (the message names `path`), or the physics engine refuses a model.
+    /// # Errors
+    ///
+    /// They do not or are (the message names `path`), or the physics engine refuses a model.
     pub fn check(&self, path: &Path, env: EnvId) -> Result<(), DemoError> {
-        let failed = |source| DemoError::Environment { path: path.to_owned(), source };
-        let misfit = |reason| DemoError::Misfit { path: path.to_owned(), env, reason };
+        let failed = |source| DemoError::Environment {
+            path: path.to_owned(),
+            source,
+        };
+        let misfit = |reason| DemoError::Misfit {
+            path: path.to_owned(),
+            env,
+            reason,
+        };
         if let Some(label) = self.label().filter(|label| *label != env.name())
             && EnvId::of_label(label).is_some_and(|(other, _)| other != env)
         {
-            return Err(misfit(format!("the file says that it is from {}", label.escape_debug())));
+            return Err(misfit(format!(
+                "the file says that it is from {}",
+                label.escape_debug()
+            )));
         }
         let environment = env.build().map_err(failed)?;
         let (spaces, pose) = (environment.spaces(), environment.pose());
         let first_pose = self.poses.as_ref().and_then(|poses| poses.first());
         for (what, got, expected) in [
-            ("an observation", Some(self.observations.nrows()), spaces.observation_dim),
+            (
+                "an observation",
+                Some(self.observations.nrows()),
+                spaces.observation_dim,
+            ),
             ("an action", Some(self.actions.nrows()), spaces.action_dim),
-            ("qpos", first_pose.map(|pose| pose.qpos.len()), pose.qpos.len()),
-            ("qvel", first_pose.map(|pose| pose.qvel.len()), pose.qvel.len()),
+            (
+                "qpos",
+                first_pose.map(|pose| pose.qpos.len()),
+                pose.qpos.len(),
+            ),
+            (
+                "qvel",
+                first_pose.map(|pose| pose.qvel.len()),
+                pose.qvel.len(),
+            ),
         ] {
             if let Some(got) = got.filter(|&got| got != expected) {
+                let version = env
+                    .observing(got)
+                    .filter(|_| what == "an observation")
+                    .and_then(|version| env.differs_in(version));
                 let version =
-                    env.observing(got).filter(|_| what == "an observation").and_then(|version| env.differs_in(version));
-                let version = version.map_or_else(String::new, |difference| format!(" ({difference})"));
-                return Err(misfit(format!("{what} has {got} numbers; {expected} are needed{version}")));
+                    version.map_or_else(String::new, |difference| format!(" ({difference})"));
+                return Err(misfit(format!(
+                    "{what} has {got} numbers; {expected} are needed{version}"
+                )));
             }
         }
         match motion::mover(self, env).map_err(failed)? {
-            Mover::Other(other) => Err(misfit(format!("its observations move like those of {other}"))),
+            Mover::Other(other) => Err(misfit(format!(
+                "its observations move like those of {other}"
+            ))),
             Mover::Own | Mover::Unknown => Ok(()),
         }
     }
 
-    /// Reads the Parquet file `path`, as [`read`](Demonstration::read), and checks that it fits `env`.
+    /// Reads the Parquet file `path`, as [`read`](Demonstration::read), and checks that it fits
+    /// `env`.
+    ///
+    /// # Errors
+    ///
+    /// It cannot be read, or is of another environment.
     pub fn read_for(path: &Path, env: EnvId) -> Result<Self, DemoError> {
         let demonstration = Self::read(path)?;
         demonstration.check(path, env)?;
@@ -138,13 +186,18 @@ impl Demonstration {
             ("truncated", Some(self.truncated.len())),
             ("poses", self.poses.as_ref().map(Vec::len)),
         ];
-        if let Some((what, Some(length))) = lengths.into_iter().find(|(_, length)| length.is_some_and(|l| l != n)) {
+        if let Some((what, Some(length))) = lengths
+            .into_iter()
+            .find(|(_, length)| length.is_some_and(|l| l != n))
+        {
             return Some(format!("{what} has {length} entries for {n} observations"));
         }
         if self.observations.nrows() == 0 || self.actions.nrows() == 0 {
             return Some("an observation or an action has no numbers".into());
         }
-        if self.episode_starts.first() != Some(&0) || !self.episode_starts.iter().is_sorted_by(|a, b| a < b) {
+        if self.episode_starts.first() != Some(&0)
+            || !self.episode_starts.iter().is_sorted_by(|a, b| a < b)
+        {
             return Some("its episodes do not start at step 0 and then one after another".into());
         }
         if self.episode_starts.last().is_some_and(|&start| start >= n) {
@@ -152,13 +205,21 @@ impl Demonstration {
         }
         for steps in self.episodes() {
             let before_last = steps.start..steps.end - 1;
-            if let Some(step) = before_last.into_iter().find(|&step| self.terminated[step] || self.truncated[step]) {
-                return Some(format!("row {step} ends its episode, but row {} continues it", step + 1));
+            if let Some(step) = before_last
+                .into_iter()
+                .find(|&step| self.terminated[step] || self.truncated[step])
+            {
+                return Some(format!(
+                    "row {step} ends its episode, but row {} continues it",
+                    step + 1
+                ));
             }
         }
         let poses = self.poses.iter().flatten();
         if let Some(first) = self.poses.as_ref().and_then(|poses| poses.first())
-            && poses.clone().any(|pose| pose.qpos.len() != first.qpos.len() || pose.qvel.len() != first.qvel.len())
+            && poses.clone().any(|pose| {
+                pose.qpos.len() != first.qpos.len() || pose.qvel.len() != first.qvel.len()
+            })
         {
             return Some("its poses differ in length".into());
         }
@@ -167,11 +228,18 @@ impl Demonstration {
             ("action", self.actions.as_slice()),
             ("reward", self.rewards.as_deref().unwrap_or_default()),
         ];
-        let infinite = numbers.into_iter().find(|(_, numbers)| numbers.iter().any(|x| !x.is_finite()));
+        let infinite = numbers
+            .into_iter()
+            .find(|(_, numbers)| numbers.iter().any(|x| !x.is_finite()));
         if let Some((what, _)) = infinite {
-            return Some(format!("its {what} column holds a number that is not finite"));
+            return Some(format!(
+                "its {what} column holds a number that is not finite"
+            ));
         }
-        if poses.clone().any(|pose| pose.qpos.iter().chain(&pose.qvel).any(|x| !x.is_finite())) {
+        if poses
+            .clone()
+            .any(|pose| pose.qpos.iter().chain(&pose.qvel).any(|x| !x.is_finite()))
+        {
             return Some("its qpos or qvel column holds a number that is not finite".into());
         }
         None

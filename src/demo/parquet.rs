@@ -10,8 +10,8 @@
 //! | `terminated`, `truncated` | bool | true at an episode's last step alone |
 //! | `qpos`, `qvel` | list of f64 | before the step; both or neither |
 //!
-//! Provenance is the file's key-value metadata. Other columns are ignored; a flawed file is an error that says what was
-//! expected.
+//! Provenance is the file's key-value metadata. Other columns are ignored; a flawed file is an
+//! error that says what was expected.
 //!
 //! polars writes the files; [`crate::parquet`] reads them, since they come from strangers.
 
@@ -36,51 +36,81 @@ const MAX_BYTES: u64 = 1 << 30;
 impl Demonstration {
     /// Writes the Parquet file `path`, whole or not at all.
     ///
-    /// Errors: the folder or the disk refuses, or the fields contradict each other.
+    /// # Errors
+    ///
+    /// The folder or the disk refuses, or the fields contradict each other.
     pub fn write(&self, path: &Path) -> Result<(), DemoError> {
-        let failed = |reason: String| DemoError::Unwritable { path: path.to_owned(), reason };
+        let failed = |reason: String| DemoError::Unwritable {
+            path: path.to_owned(),
+            reason,
+        };
         if let Some(flaw) = self.flaw() {
             return Err(failed(flaw));
         }
         let mut frame = self.to_frame().map_err(|error| failed(error.to_string()))?;
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let folder = path
+            .parent()
+            .filter(|folder| !folder.as_os_str().is_empty())
+            .unwrap_or(Path::new("."));
         let mut file = beside(folder).map_err(|error| failed(error.to_string()))?;
         ParquetWriter::new(file.as_file_mut())
             .with_key_value_metadata(Some(KeyValueMetadata::from_static(self.provenance.clone())))
             .finish(&mut frame)
             .map_err(|error| failed(error.to_string()))?;
-        file.as_file().sync_all().map_err(|error| failed(error.to_string()))?;
-        file.persist(path).map_err(|error| failed(error.to_string()))?;
+        file.as_file()
+            .sync_all()
+            .map_err(|error| failed(error.to_string()))?;
+        file.persist(path)
+            .map_err(|error| failed(error.to_string()))?;
         Ok(())
     }
 
     /// Reads the Parquet file `path`.
     ///
-    /// Errors: it is missing, larger than 1 GiB, no Parquet, damaged, or not in this format: a column is missing or has
-    /// another type, rows differ in length, a number is not finite, episodes are torn apart.
+    /// # Errors
+    ///
+    /// It is missing, larger than 1 GiB, no Parquet, damaged, or not in this format: a column is
+    /// missing or has another type, rows differ in length, a number is not finite, episodes are
+    /// torn apart.
     pub fn read(path: &Path) -> Result<Self, DemoError> {
-        let failed = |reason: String| DemoError::Unreadable { path: path.to_owned(), reason };
+        let failed = |reason: String| DemoError::Unreadable {
+            path: path.to_owned(),
+            reason,
+        };
         let bytes = read_bounded(path).map_err(failed)?;
         from_bytes(bytes).map_err(failed)
     }
 
     /// The BLAKE3 digest of the file `path`, whatever it holds.
     ///
-    /// Errors: it is missing, no regular file, or larger than 1 GiB.
+    /// # Errors
+    ///
+    /// It is missing, no regular file, or larger than 1 GiB.
     pub fn digest(path: &Path) -> Result<String, DemoError> {
-        let bytes = read_bounded(path).map_err(|reason| DemoError::Unreadable { path: path.to_owned(), reason })?;
+        let bytes = read_bounded(path).map_err(|reason| DemoError::Unreadable {
+            path: path.to_owned(),
+            reason,
+        })?;
         Ok(blake3::hash(&bytes).to_hex().to_string())
     }
 
     /// One row a step.
     pub(super) fn to_frame(&self) -> Result<DataFrame, polars::error::PolarsError> {
-        let (mut episodes, mut steps) = (Vec::with_capacity(self.len()), Vec::with_capacity(self.len()));
+        let (mut episodes, mut steps) = (
+            Vec::with_capacity(self.len()),
+            Vec::with_capacity(self.len()),
+        );
         for (episode, range) in self.episodes().enumerate() {
             episodes.extend(range.clone().map(|_| episode as i64));
             steps.extend((0..range.len()).map(|step| step as i64));
         }
         let rows = |matrix: &DMatrix<f64>, name: &str| {
-            lists(name, matrix.nrows(), self.len(), matrix.as_slice().chunks_exact(matrix.nrows()))
+            lists(
+                name,
+                matrix.nrows(),
+                self.len(),
+                matrix.as_slice().chunks_exact(matrix.nrows()),
+            )
         };
         let mut columns = vec![
             Column::new("episode".into(), episodes),
@@ -95,14 +125,25 @@ impl Demonstration {
         columns.push(Column::new("truncated".into(), &self.truncated));
         if let Some(poses) = &self.poses {
             let (nq, nv) = (poses[0].qpos.len(), poses[0].qvel.len());
-            columns.push(lists("qpos", nq, self.len(), poses.iter().map(|pose| pose.qpos.as_slice())));
-            columns.push(lists("qvel", nv, self.len(), poses.iter().map(|pose| pose.qvel.as_slice())));
+            columns.push(lists(
+                "qpos",
+                nq,
+                self.len(),
+                poses.iter().map(|pose| pose.qpos.as_slice()),
+            ));
+            columns.push(lists(
+                "qvel",
+                nv,
+                self.len(),
+                poses.iter().map(|pose| pose.qvel.as_slice()),
+            ));
         }
         DataFrame::new(self.len(), columns)
     }
 }
 
-/// An unnamed file in `folder`, readable as the user's other files are (a bare temporary file is its owner's alone).
+/// An unnamed file in `folder`, readable as the user's other files are (a bare temporary file is
+/// its owner's alone).
 fn beside(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     #[cfg(unix)]
@@ -115,7 +156,12 @@ fn beside(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
 
 /// A column of `n` lists of `width` numbers.
 fn lists<'a>(name: &str, width: usize, n: usize, rows: impl Iterator<Item = &'a [f64]>) -> Column {
-    let mut builder = ListPrimitiveChunkedBuilder::<Float64Type>::new(name.into(), n, n * width, DataType::Float64);
+    let mut builder = ListPrimitiveChunkedBuilder::<Float64Type>::new(
+        name.into(),
+        n,
+        n * width,
+        DataType::Float64,
+    );
     rows.for_each(|row| builder.append_slice(row));
     builder.finish().into_column()
 }
@@ -134,8 +180,15 @@ pub(super) fn from_bytes(file: Vec<u8>) -> Result<Demonstration, String> {
     let demonstration = Demonstration {
         observations: table.lists("observation")?,
         actions: table.lists("action")?,
-        rewards: if table.has("reward") { Some(table.numbers("reward")?) } else { None },
-        episode_starts: episode_starts(&table.whole_numbers("episode")?, &table.whole_numbers("step")?)?,
+        rewards: if table.has("reward") {
+            Some(table.numbers("reward")?)
+        } else {
+            None
+        },
+        episode_starts: episode_starts(
+            &table.whole_numbers("episode")?,
+            &table.whole_numbers("step")?,
+        )?,
         terminated: table.flags("terminated")?,
         truncated: table.flags("truncated")?,
         poses: poses(&table)?,
@@ -151,7 +204,9 @@ pub(super) fn from_bytes(file: Vec<u8>) -> Result<Demonstration, String> {
 fn episode_starts(episodes: &[i64], steps: &[i64]) -> Result<Vec<usize>, String> {
     let mut starts = Vec::new();
     for (row, (&episode, &step)) in episodes.iter().zip(steps).enumerate() {
-        let before = row.checked_sub(1).map(|before| (episodes[before], steps[before]));
+        let before = row
+            .checked_sub(1)
+            .map(|before| (episodes[before], steps[before]));
         let expected = match before {
             Some((before, _)) if before > episode => {
                 let torn = format!("episode {episode} comes after episode {before} in row {row}");
@@ -161,7 +216,9 @@ fn episode_starts(episodes: &[i64], steps: &[i64]) -> Result<Vec<usize>, String>
             _ => 0,
         };
         if step != expected {
-            return Err(format!("row {row} is step {step} of episode {episode}; expected step {expected}"));
+            return Err(format!(
+                "row {row} is step {step} of episode {episode}; expected step {expected}"
+            ));
         }
         if step == 0 {
             starts.push(row);
@@ -177,5 +234,11 @@ fn poses(table: &Table) -> Result<Option<Vec<Pose>>, String> {
     }
     let (qpos, qvel) = (table.lists("qpos")?, table.lists("qvel")?);
     let rows = qpos.column_iter().zip(qvel.column_iter());
-    Ok(Some(rows.map(|(q, v)| Pose { qpos: q.as_slice().to_vec(), qvel: v.as_slice().to_vec() }).collect()))
+    Ok(Some(
+        rows.map(|(q, v)| Pose {
+            qpos: q.as_slice().to_vec(),
+            qvel: v.as_slice().to_vec(),
+        })
+        .collect(),
+    ))
 }

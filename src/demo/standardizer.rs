@@ -1,13 +1,15 @@
-//! Observations in units of a demonstration: the coordinates in which the kernel's distances are measured.
+//! Observations in units of a demonstration: the coordinates in which the kernel's distances are
+//! measured.
 
 use nalgebra::DMatrix;
 
-/// Takes the mean of a demonstration's observations away and divides by their standard deviation; clips far beyond where the
-/// kernel is 0, so that no distance overflows.
+/// Takes the mean of a demonstration's observations away and divides by their standard deviation;
+/// clips far beyond where the kernel is 0, so that no distance overflows.
 ///
-/// It is fixed with the demonstration: a distance whose unit followed the agent could not be held to a tolerance. An agent
-/// that stands still has seen next to no variation, in units of which the demonstration's states lie so far apart that the
-/// kernel sees each of them alone, and MMD^2 stays below 2/m whatever the policy does at them.
+/// It is fixed with the demonstration: a distance whose unit followed the agent could not be held
+/// to a tolerance. An agent that stands still has seen next to no variation, in units of which the
+/// demonstration's states lie so far apart that the kernel sees each of them alone, and MMD^2 stays
+/// below 2/m whatever the policy does at them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Standardizer {
     mean: Vec<f64>,
@@ -17,8 +19,8 @@ pub struct Standardizer {
 impl Standardizer {
     const CLIP: f64 = 1e3;
 
-    /// In units of `observations` (`[dim x m]`). A number that never varies there keeps its own unit (as scikit-learn's
-    /// `StandardScaler` has it).
+    /// In units of `observations` (`[dim x m]`). A number that never varies there keeps its own
+    /// unit (as scikit-learn's `StandardScaler` has it).
     pub fn new(observations: &DMatrix<f64>) -> Self {
         let m = observations.ncols().max(1) as f64;
         let (mut mean, mut scale) = (Vec::new(), Vec::new());
@@ -35,7 +37,11 @@ impl Standardizer {
 
     /// The standardised `observations` (`[dim x n]`).
     pub fn standardize(&self, observations: &DMatrix<f64>) -> DMatrix<f32> {
-        assert_eq!(observations.nrows(), self.mean.len(), "length of an observation");
+        assert_eq!(
+            observations.nrows(),
+            self.mean.len(),
+            "length of an observation"
+        );
         DMatrix::from_fn(observations.nrows(), observations.ncols(), |i, j| {
             let standardized = (observations[(i, j)] - self.mean[i]) * self.scale[i];
             standardized.clamp(-Self::CLIP, Self::CLIP) as f32
@@ -49,13 +55,24 @@ mod tests {
 
     #[test]
     fn a_varying_number_has_mean_0_and_variance_1_and_a_constant_keeps_its_unit() {
-        let observations = DMatrix::from_row_slice(3, 4, &[1.0, 2.0, 3.0, 6.0, 0.1, 0.1, 0.1, 0.1, 0.0, 0.0, 0.0, 0.0]);
+        let observations = DMatrix::from_row_slice(
+            3,
+            4,
+            &[1.0, 2.0, 3.0, 6.0, 0.1, 0.1, 0.1, 0.1, 0.0, 0.0, 0.0, 0.0],
+        );
         let standardizer = Standardizer::new(&observations);
         let columns = standardizer.standardize(&observations);
         let row = columns.row(0);
-        assert!(row.sum().abs() < 1e-6 && (row.norm_squared() / 4.0 - 1.0).abs() < 1e-6, "{row}");
-        assert!(columns.rows(1, 2).iter().all(|x| x.abs() < 1e-12), "{columns}");
-        let moved = standardizer.standardize(&DMatrix::from_column_slice(3, 1, &[3.0, 0.6, -1e300]));
+        assert!(
+            row.sum().abs() < 1e-6 && (row.norm_squared() / 4.0 - 1.0).abs() < 1e-6,
+            "{row}"
+        );
+        assert!(
+            columns.rows(1, 2).iter().all(|x| x.abs() < 1e-12),
+            "{columns}"
+        );
+        let moved =
+            standardizer.standardize(&DMatrix::from_column_slice(3, 1, &[3.0, 0.6, -1e300]));
         assert_eq!(moved.as_slice(), [0.0, 0.5, -1e3]);
     }
 }

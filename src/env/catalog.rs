@@ -1,8 +1,9 @@
 //! What an environment is: one descriptor for each, and the one list of them.
 //!
-//! Owns what the rest of the program asks of an environment by its name: limits, rewards, versions, cost. A descriptor stands
-//! beside its environment; adding one means adding its file and a line to [`SHIPPED`]. A robot of the user's own gets its
-//! descriptor when its table is read, and keeps it as long as the process lives. Start at [`Descriptor`].
+//! Owns what the rest of the program asks of an environment by its name: limits, rewards, versions,
+//! cost. A descriptor stands beside its environment; adding one means adding its file and a line to
+//! [`SHIPPED`]. A robot of the user's own gets its descriptor when its table is read, and keeps it
+//! as long as the process lives. Start at [`Descriptor`].
 
 use std::{
     collections::BTreeMap,
@@ -18,7 +19,8 @@ use super::{
 };
 use crate::quantity::constant;
 
-/// The environments that ship: the paper's seven in its order, then others. A saved state holds the number of its own.
+/// The environments that ship: the paper's seven in its order, then others. A saved state holds the
+/// number of its own.
 pub(super) static SHIPPED: [&Descriptor; 10] = [
     &mountain_car::DESCRIPTOR,
     &robots::inverted_pendulum::DESCRIPTOR,
@@ -32,7 +34,8 @@ pub(super) static SHIPPED: [&Descriptor; 10] = [
     &robots::humanoid::DESCRIPTOR,
 ];
 
-/// The microseconds of a robot's step for each of its model's own steps, until there is a recorded run: Hopper's.
+/// The microseconds of a robot's step for each of its model's own steps, until there is a recorded
+/// run: Hopper's.
 const MICROSECONDS: f64 = 15.0;
 
 /// Everything that is known of an environment.
@@ -45,8 +48,8 @@ pub(super) struct Descriptor {
     pub(super) max_steps: u64,
     /// The reward that is trained on where nothing is said: the paper's sparse one.
     pub(super) default_reward: fn() -> Reward,
-    /// To be raised when physics, observations, rewards or ends give other numbers; the model in its file apart, whose digest
-    /// tells.
+    /// To be raised when physics, observations, rewards or ends give other numbers; the model in
+    /// its file apart, whose digest tells.
     pub(super) revision: u32,
     /// Microseconds of one step on one core, as `mcpo-run bench` measures them in 2026.
     pub(super) microseconds: f64,
@@ -65,8 +68,8 @@ pub(super) struct Descriptor {
 pub struct Version {
     /// The number behind the `v`.
     pub number: u32,
-    /// What it has that this project's has not, in a sentence; absent where the numbers of a step are the same but for the
-    /// engine's last bits.
+    /// What it has that this project's has not, in a sentence; absent where the numbers of a step
+    /// are the same but for the engine's last bits.
     pub difference: Option<&'static str>,
     /// How many numbers it observes, where that differs.
     pub observation_dim: Option<usize>,
@@ -79,32 +82,49 @@ pub struct Version {
 impl Version {
     /// The same numbers.
     pub(super) const fn same(number: u32) -> Self {
-        Self { number, difference: None, observation_dim: None, unpaid_at_the_end: None, moves_otherwise: false }
+        Self {
+            number,
+            difference: None,
+            observation_dim: None,
+            unpaid_at_the_end: None,
+            moves_otherwise: false,
+        }
     }
 
     /// Other numbers, as `difference` says.
     pub(super) const fn other(number: u32, difference: &'static str) -> Self {
-        Self { difference: Some(difference), ..Self::same(number) }
+        Self {
+            difference: Some(difference),
+            ..Self::same(number)
+        }
     }
 
     /// It observes so many numbers.
     pub(super) const fn observing(self, numbers: usize) -> Self {
-        Self { observation_dim: Some(numbers), ..self }
+        Self {
+            observation_dim: Some(numbers),
+            ..self
+        }
     }
 
     /// It does not pay so much for the step that ends an episode.
     pub(super) const fn not_paying(self, bonus: f64) -> Self {
-        Self { unpaid_at_the_end: Some(bonus), ..self }
+        Self {
+            unpaid_at_the_end: Some(bonus),
+            ..self
+        }
     }
 
     /// Its model moves otherwise.
     pub(super) const fn moving_otherwise(self) -> Self {
-        Self { moves_otherwise: true, ..self }
+        Self {
+            moves_otherwise: true,
+            ..self
+        }
     }
 }
 
 /// What an environment is made of.
-#[expect(clippy::large_enum_variant, reason = "there are ten, all of them static")]
 pub(super) enum Body {
     /// A car on a curve.
     MountainCar,
@@ -129,8 +149,12 @@ impl Descriptor {
     ///
     /// The engine refuses the model.
     pub(super) fn build(&self, tag: f64) -> Result<Box<dyn Environment>, EnvError> {
-        let Some((robot, model)) = self.robot() else { return Ok(Box::new(MountainCar::new(self.name, tag))) };
-        Ok(Box::new(RobotEnvironment::new(self.name, tag, robot, model)?))
+        let Some((robot, model)) = self.robot() else {
+            return Ok(Box::new(MountainCar::new(self.name, tag)));
+        };
+        Ok(Box::new(RobotEnvironment::new(
+            self.name, tag, robot, model,
+        )?))
     }
 
     /// The robot and its model, where it is one.
@@ -150,9 +174,12 @@ impl Descriptor {
         }
     }
 
-    /// A sparse reward of the kind that the environment has: of those that ship, with the thresholds that the project chose.
+    /// A sparse reward of the kind that the environment has: of those that ship, with the
+    /// thresholds that the project chose.
     pub(super) fn sparse_reward(&self) -> Option<Reward> {
-        let Some(own) = self.own() else { return Some((self.default_reward)()) };
+        let Some(own) = self.own() else {
+            return Some((self.default_reward)());
+        };
         Some(match own.robot.landmark.as_ref()? {
             Landmark::Distance => metres(1.0),
             Landmark::Height(_) => height(1.0),
@@ -163,12 +190,17 @@ impl Descriptor {
 
 /// SPARSE2 for each of so many metres.
 pub(super) fn metres(distance: f64) -> Reward {
-    Reward::Sparse2 { distance: constant(distance), mode: SparseMode::Milestone }
+    Reward::Sparse2 {
+        distance: constant(distance),
+        mode: SparseMode::Milestone,
+    }
 }
 
 /// SPARSE3 above so many metres.
 pub(super) fn height(height: f64) -> Reward {
-    Reward::Sparse3 { height: constant(height) }
+    Reward::Sparse3 {
+        height: constant(height),
+    }
 }
 
 /// A robot that ships: its table and the model that this names.
@@ -187,24 +219,35 @@ struct Owned {
     last: BTreeMap<&'static str, usize>,
 }
 
-static OWN: RwLock<Owned> = RwLock::new(Owned { robots: Vec::new(), last: BTreeMap::new() });
+static OWN: RwLock<Owned> = RwLock::new(Owned {
+    robots: Vec::new(),
+    last: BTreeMap::new(),
+});
 
 /// The descriptor with this number: of those that ship, then of the user's.
 pub(super) fn descriptor(number: usize) -> &'static Descriptor {
     let own = |number| OWN.read().unwrap_or_else(PoisonError::into_inner).robots[number];
-    SHIPPED.get(number).copied().unwrap_or_else(|| own(number - SHIPPED.len()))
+    SHIPPED
+        .get(number)
+        .copied()
+        .unwrap_or_else(|| own(number - SHIPPED.len()))
 }
 
-/// The number of the robot that the user calls `name`, the one that was read last where several have the name.
+/// The number of the robot that the user calls `name`, the one that was read last where several
+/// have the name.
 pub(super) fn own_number(name: &str) -> Option<usize> {
     let own = OWN.read().unwrap_or_else(PoisonError::into_inner);
     Some(SHIPPED.len() + own.last.get(name)?)
 }
 
-/// The number of the user's `robot` called `name` on `model`: the same for the same robot, as long as the process lives.
+/// The number of the user's `robot` called `name` on `model`: the same for the same robot, as long
+/// as the process lives.
 pub(super) fn intern(name: &str, robot: Robot, model: Model) -> usize {
-    let table = toml::to_string(&robot).unwrap_or_else(|error| panic!("a robot is a table: {error}"));
-    let digest = blake3::hash(format!("{name}\n{table}\n{}", model.digest()).as_bytes()).to_hex()[..16].to_owned();
+    let table =
+        toml::to_string(&robot).unwrap_or_else(|error| panic!("a robot is a table: {error}"));
+    let digest = blake3::hash(format!("{name}\n{table}\n{}", model.digest()).as_bytes()).to_hex()
+        [..16]
+        .to_owned();
     let mut own = OWN.write().unwrap_or_else(PoisonError::into_inner);
     let is_known = |known: &&Descriptor| known.own().is_some_and(|own| own.digest == digest);
     let number = own.robots.iter().position(is_known).unwrap_or_else(|| {
@@ -217,7 +260,11 @@ pub(super) fn intern(name: &str, robot: Robot, model: Model) -> usize {
             microseconds: MICROSECONDS * robot.frame_skip.get() as f64,
             is_f32_in_gymnasium: false,
             versions: &[],
-            body: Body::Own(Own { robot, model, digest }),
+            body: Body::Own(Own {
+                robot,
+                model,
+                digest,
+            }),
             spaces: OnceLock::new(),
         };
         own.robots.push(Box::leak(Box::new(descriptor)));

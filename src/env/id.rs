@@ -14,12 +14,15 @@ use super::{
     robot::Robot,
 };
 
-/// An environment: one that ships, or a robot of the user's own. Written as its name; one's own with its table and its model,
-/// so that whatever holds it can be read elsewhere.
+/// An environment: one that ships, or a robot of the user's own. Written as its name; one's own
+/// with its table and its model, so that whatever holds it can be read elsewhere.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub struct EnvId(usize);
 
-#[expect(non_upper_case_globals, reason = "they stand where the variants of an enumeration would, and there are more")]
+#[expect(
+    non_upper_case_globals,
+    reason = "they stand where the variants of an enumeration would, and there are more"
+)]
 impl EnvId {
     /// `MountainCarContinuous-v0`; the paper says MountainCar-v0.
     pub const MountainCar: Self = Self(0);
@@ -54,22 +57,40 @@ impl EnvId {
         (0..SHIPPED.len()).map(Self)
     }
 
-    /// The user's `robot`, called `name`, whose model stands at [`Robot::model`]. The model and the files that it needs are
-    /// read; later changes of the model's file do not reach it.
+    /// The user's `robot`, called `name`, whose model stands at [`Robot::model`]. The model and the
+    /// files that it needs are read; later changes of the model's file do not reach it.
     ///
     /// # Errors
     ///
-    /// The name is taken or cannot name a folder; the model cannot be read or MuJoCo refuses it; the model has not what the
-    /// table names.
+    /// The name is taken or cannot name a folder; the model cannot be read or MuJoCo refuses it;
+    /// the model has not what the table names.
     pub fn of_robot(name: &str, robot: Robot) -> Result<Self, EnvError> {
-        if let Some((_, shipped)) = Self::known().find(|(known, _)| known.eq_ignore_ascii_case(name)) {
-            return Err(EnvError::NameTaken { name: name.to_owned(), by: shipped });
+        if let Some((_, shipped)) =
+            Self::known().find(|(known, _)| known.eq_ignore_ascii_case(name))
+        {
+            return Err(EnvError::NameTaken {
+                name: name.to_owned(),
+                by: shipped,
+            });
         }
-        let wrong = |key| move |message| EnvError::Robot { env: name.to_owned(), key, index: None, message };
+        let wrong = |key| {
+            move |message| EnvError::Robot {
+                env: name.to_owned(),
+                key,
+                index: None,
+                message,
+            }
+        };
         let model = Model::read(&robot.model).map_err(wrong("model"))?;
         // Wherever it stands, it is the same robot.
-        let file = robot.model.file_name().map_or_else(PathBuf::new, PathBuf::from);
-        let robot = Robot { model: file, ..robot };
+        let file = robot
+            .model
+            .file_name()
+            .map_or_else(PathBuf::new, PathBuf::from);
+        let robot = Robot {
+            model: file,
+            ..robot
+        };
         let id = Self::own(name, robot, model).map_err(wrong("model"))?;
         id.build()?;
         Ok(id)
@@ -117,15 +138,17 @@ impl EnvId {
         self.descriptor().max_steps
     }
 
-    /// The reward that is trained on where nothing is said: the paper's sparse one, with the thresholds that this project chose,
-    /// since the paper prints none: a metre as public environments around POfD have it, ten in HalfCheetah, which covers a
-    /// metre by chance and where methods then rank as in the paper; and heights that hold nearly all of the demonstration and
-    /// end before the pole does. A robot of one's own has its dense one.
+    /// The reward that is trained on where nothing is said: the paper's sparse one, with the
+    /// thresholds that this project chose, since the paper prints none: a metre as public
+    /// environments around POfD have it, ten in HalfCheetah, which covers a metre by chance and
+    /// where methods then rank as in the paper; and heights that hold nearly all of the
+    /// demonstration and end before the pole does. A robot of one's own has its dense one.
     pub fn default_reward(self) -> Reward {
         (self.descriptor().default_reward)()
     }
 
-    /// The kind of sparse reward that the environment has, with some threshold; [`Reward::Dense`] where it has none.
+    /// The kind of sparse reward that the environment has, with some threshold; [`Reward::Dense`]
+    /// where it has none.
     pub fn sparse_reward(self) -> Reward {
         self.descriptor().sparse_reward().unwrap_or(Reward::Dense)
     }
@@ -145,8 +168,8 @@ impl EnvId {
         *self.descriptor().spaces.get_or_init(spaces)
     }
 
-    /// The revision of its task: another one gives other numbers, the model apart, which [`model_digest`](Self::model_digest)
-    /// tells.
+    /// The revision of its task: another one gives other numbers, the model apart, which
+    /// [`model_digest`](Self::model_digest) tells.
     pub fn revision(self) -> u32 {
         self.descriptor().revision
     }
@@ -156,7 +179,8 @@ impl EnvId {
         self.descriptor().robot().map(|(_, model)| model.digest())
     }
 
-    /// Seconds of one step of physics on one core (frame skip included); a guess for a robot of one's own.
+    /// Seconds of one step of physics on one core (frame skip included); a guess for a robot of
+    /// one's own.
     pub fn physics_seconds(self) -> f64 {
         1e-6 * self.descriptor().microseconds
     }
@@ -173,8 +197,11 @@ impl EnvId {
 
     /// Every name of what ships, Gym's and the paper's.
     pub fn known() -> impl Iterator<Item = (&'static str, Self)> {
-        Self::shipped()
-            .flat_map(|id| std::iter::once(id.name()).chain(id.descriptor().paper_name).map(move |name| (name, id)))
+        Self::shipped().flat_map(|id| {
+            std::iter::once(id.name())
+                .chain(id.descriptor().paper_name)
+                .map(move |name| (name, id))
+        })
     }
 
     /// What to say of a `name` that is not known: which one it may be, or what there is.
@@ -189,11 +216,20 @@ impl EnvId {
             );
             return format!("the known one is `{id}`; {difference}");
         }
-        let distance = |known: &str| strsim::damerau_levenshtein(&name.to_lowercase(), &known.to_lowercase());
+        let distance =
+            |known: &str| strsim::damerau_levenshtein(&name.to_lowercase(), &known.to_lowercase());
         // The version that all share is no likeness.
-        let letters = |name: &str| name.split_once("-v").map_or(name, |(family, _)| family).len();
-        let distances = Self::known().map(|(known, _)| (distance(known), known)).min();
-        match distances.filter(|(distance, known)| 3 * distance <= letters(name).max(letters(known))) {
+        let letters = |name: &str| {
+            name.split_once("-v")
+                .map_or(name, |(family, _)| family)
+                .len()
+        };
+        let distances = Self::known()
+            .map(|(known, _)| (distance(known), known))
+            .min();
+        match distances
+            .filter(|(distance, known)| 3 * distance <= letters(name).max(letters(known)))
+        {
             Some((_, nearest)) => format!("the nearest known one is `{nearest}`"),
             None => {
                 let names: Vec<String> = Self::shipped().map(|id| format!("`{id}`")).collect();
@@ -207,7 +243,10 @@ impl EnvId {
         match self.descriptor().own() {
             None => self.0 as f64,
             // Beyond those of what ships; f64 holds 53 bits.
-            Some(own) => (1_u64 << 48 | u64::from_str_radix(&own.digest[..12], 16).unwrap_or_default()) as f64,
+            Some(own) => {
+                (1_u64 << 48 | u64::from_str_radix(&own.digest[..12], 16).unwrap_or_default())
+                    as f64
+            }
         }
     }
 }
@@ -223,7 +262,11 @@ impl Ord for EnvId {
     fn cmp(&self, other: &Self) -> Ordering {
         let key = |id: Self| {
             let own = id.descriptor().own();
-            (own.is_some(), if own.is_some() { 0 } else { id.0 }, own.map(|own| (id.name(), own.digest.as_str())))
+            (
+                own.is_some(),
+                if own.is_some() { 0 } else { id.0 },
+                own.map(|own| (id.name(), own.digest.as_str())),
+            )
         };
         key(*self).cmp(&key(*other))
     }
@@ -252,10 +295,15 @@ impl FromStr for EnvId {
 
     /// What ships, by Gym's or the paper's name; or the robot that was last read under this name.
     fn from_str(name: &str) -> Result<Self, EnvError> {
-        let known = Self::known().find(|(known, _)| *known == name).map(|(_, id)| id);
+        let known = Self::known()
+            .find(|(known, _)| *known == name)
+            .map(|(_, id)| id);
         known
             .or_else(|| catalog::own_number(name).map(Self))
-            .ok_or_else(|| EnvError::UnknownEnvironment { name: name.to_owned(), known: Self::known_instead(name) })
+            .ok_or_else(|| EnvError::UnknownEnvironment {
+                name: name.to_owned(),
+                known: Self::known_instead(name),
+            })
     }
 }
 
@@ -274,7 +322,12 @@ impl Serialize for EnvId {
             None => serializer.serialize_str(self.name()),
             Some(own) => {
                 let (robot, model) = (own.robot.clone(), own.model.clone());
-                Written { name: self.name().to_owned(), robot, model }.serialize(serializer)
+                Written {
+                    name: self.name().to_owned(),
+                    robot,
+                    model,
+                }
+                .serialize(serializer)
             }
         }
     }
@@ -296,7 +349,8 @@ impl<'de> Deserialize<'de> for EnvId {
             }
 
             fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<EnvId, A::Error> {
-                let Written { name, robot, model } = Written::deserialize(MapAccessDeserializer::new(map))?;
+                let Written { name, robot, model } =
+                    Written::deserialize(MapAccessDeserializer::new(map))?;
                 EnvId::own(&name, robot, model).map_err(de::Error::custom)
             }
         }
@@ -313,22 +367,41 @@ mod tests {
     #[test]
     fn an_unknown_name_is_refused_with_the_nearest_known_one() {
         for (name, expected) in [
-            ("HalfCheetah-v4", "the known one is `HalfCheetah-v2`; v4 takes the same steps"),
-            ("Hopper-v5", "the known one is `Hopper-v2`; it is not the same: v5 pays no 1"),
-            ("Ant-v4", "the known one is `Ant-v2`; it is not the same: v4 observes 27"),
+            (
+                "HalfCheetah-v4",
+                "the known one is `HalfCheetah-v2`; v4 takes the same steps",
+            ),
+            (
+                "Hopper-v5",
+                "the known one is `Hopper-v2`; it is not the same: v5 pays no 1",
+            ),
+            (
+                "Ant-v4",
+                "the known one is `Ant-v2`; it is not the same: v4 observes 27",
+            ),
             ("hopper-v2", "the nearest known one is `Hopper-v2`"),
             ("Walker-v2", "`Walker2d-v2`"),
             ("MountainCar-v1", "`MountainCar-v0`"),
             ("InvertedPendulm-v2", "`InvertedPendulum-v2`"),
-            ("Humanoid-v4", "the known one is `Humanoid-v2`; it is not the same: v4 has no cost of contacts"),
-            ("CartPole-v1", "the known ones are `MountainCarContinuous-v0`, `InvertedPendulum-v2`"),
+            (
+                "Humanoid-v4",
+                "the known one is `Humanoid-v2`; it is not the same: v4 has no cost of contacts",
+            ),
+            (
+                "CartPole-v1",
+                "the known ones are `MountainCarContinuous-v0`, `InvertedPendulum-v2`",
+            ),
             ("Pusher-v2", "the known ones are"),
-            ("Swimmer-v4", "the known one is `Swimmer-v2`; v4 takes the same steps"),
+            (
+                "Swimmer-v4",
+                "the known one is `Swimmer-v2`; v4 takes the same steps",
+            ),
             ("", "the known ones are"),
         ] {
             let message = name.parse::<EnvId>().expect_err("unknown").to_string();
             assert!(
-                message.contains(&format!("unknown environment `{name}`; ")) && message.contains(expected),
+                message.contains(&format!("unknown environment `{name}`; "))
+                    && message.contains(expected),
                 "{message}"
             );
         }
@@ -339,7 +412,10 @@ mod tests {
         for id in EnvId::shipped() {
             assert_eq!(id.name().parse::<EnvId>().ok(), Some(id));
             let text = serde_json::to_string(&id).expect("it can be written");
-            assert_eq!((text.as_str(), serde_json::from_str(&text).ok()), (&*format!("\"{id}\""), Some(id)));
+            assert_eq!(
+                (text.as_str(), serde_json::from_str(&text).ok()),
+                (&*format!("\"{id}\""), Some(id))
+            );
         }
         for (name, id) in [
             ("MountainCar-v0", EnvId::MountainCar),
@@ -355,7 +431,8 @@ mod tests {
         for id in EnvId::shipped() {
             for other in EnvId::shipped() {
                 let reward = other.sparse_reward();
-                let same = std::mem::discriminant(&reward) == std::mem::discriminant(&id.sparse_reward());
+                let same =
+                    std::mem::discriminant(&reward) == std::mem::discriminant(&id.sparse_reward());
                 match Task::new(id, reward, 10) {
                     Ok(_) => assert!(same, "{id} takes {reward:?}"),
                     Err(EnvError::NoSuchReward { .. }) => assert!(!same, "{id} refuses {reward:?}"),
@@ -370,6 +447,9 @@ mod tests {
         let names = EnvId::ALL.map(EnvId::name);
         let shipped: Vec<&str> = EnvId::shipped().map(EnvId::name).collect();
         assert_eq!(names[..], shipped[..7]);
-        assert_eq!((EnvId::Hopper.name(), EnvId::Ant.name()), ("Hopper-v2", "Ant-v2"));
+        assert_eq!(
+            (EnvId::Hopper.name(), EnvId::Ant.name()),
+            ("Hopper-v2", "Ant-v2")
+        );
     }
 }

@@ -1,8 +1,10 @@
 //! The tasks: their physics, their dense rewards and the paper's sparse ones.
 //!
-//! Owns what happens between an action and the next observation. Knows nothing of policies or learning. Start at
+//! Owns what happens between an action and the next observation. Knows nothing of policies or
+//! learning. Start at
 //! [`Environment`], one episode's physics, and [`Task`], which adds the reward that is trained on and the time limit; what is
-//! known of an environment by its name stands in its descriptor, and all of these in one list, `catalog.rs`.
+//! known of an environment by its name stands in its descriptor, and all of these in one list,
+//! `catalog.rs`.
 
 mod catalog;
 mod id;
@@ -29,7 +31,8 @@ pub struct Spaces {
     pub observation_dim: usize,
     /// Numbers in an action.
     pub action_dim: usize,
-    /// Every action's bound: the physics clamps each number to `[-action_bound, action_bound]`; costs see it unclamped.
+    /// Every action's bound: the physics clamps each number to `[-action_bound, action_bound]`;
+    /// costs see it unclamped.
     pub action_bound: f64,
 }
 
@@ -147,49 +150,64 @@ pub enum EnvError {
     },
 }
 
-/// The physics of one task. An implementation is deterministic: the same state and action give the same bits.
+/// The physics of one task. An implementation is deterministic: the same state and action give the
+/// same bits.
 pub trait Environment: Send {
     /// The shapes and bounds.
     fn spaces(&self) -> Spaces;
 
-    /// Starts an episode in a random initial state and writes its observation (`[observation_dim]`).
+    /// Starts an episode in a random initial state and writes its observation
+    /// (`[observation_dim]`).
     fn reset(&mut self, rng: &mut Rng, observation: &mut [f64]);
 
-    /// Takes one step under `action` (`[action_dim]`, unclamped) and writes the observation after it.
+    /// Takes one step under `action` (`[action_dim]`, unclamped) and writes the observation after
+    /// it.
     ///
-    /// Errors: the action has a wrong length or is not finite, or the physics diverged; then start another episode.
+    /// # Errors
+    ///
+    /// The action has a wrong length or is not finite, or the physics diverged; then start another
+    /// episode.
     fn step(&mut self, action: &[f64], observation: &mut [f64]) -> Result<Outcome, EnvError>;
 
-    /// The physics of a step under `action` (`[action_dim]`, unclamped) alone, for `mcpo-run bench`: nothing is observed or
-    /// paid, and what depends on either is stale until the next episode.
+    /// The physics of a step under `action` (`[action_dim]`, unclamped) alone, for `mcpo-run
+    /// bench`: nothing is observed or paid, and what depends on either is stale until the next
+    /// episode.
     ///
-    /// Errors: as for [`step`](Environment::step).
+    /// # Errors
+    ///
+    /// As for [`step`](Environment::step).
     fn advance(&mut self, action: &[f64]) -> Result<(), EnvError>;
 
-    /// The number that the sparse reward watches: distance travelled since the episode's start, height of the last
-    /// pole, or 1 at the goal and 0 elsewhere.
+    /// The number that the sparse reward watches: distance travelled since the episode's start,
+    /// height of the last pole, or 1 at the goal and 0 elsewhere.
     fn landmark(&self) -> f64;
 
     /// The pose now.
     fn pose(&self) -> Pose;
 
-    /// The pose that `observation` is of, as if it were at the origin of the ground, and how many numbers at the observation's
-    /// beginning tell of positions; `None` where an observation does not hold all of a pose.
+    /// The pose that `observation` is of, as if it were at the origin of the ground, and how many
+    /// numbers at the observation's beginning tell of positions; `None` where an observation does
+    /// not hold all of a pose.
     fn pose_of(&self, _observation: &[f64]) -> Option<(Pose, usize)> {
         None
     }
 
     /// Puts the environment into `pose` as the start of an episode, and writes its observation.
     ///
-    /// Errors: the pose has a wrong length or is not finite.
+    /// # Errors
+    ///
+    /// The pose has a wrong length or is not finite.
     fn set_pose(&mut self, pose: &Pose, observation: &mut [f64]) -> Result<(), EnvError>;
 
     /// Everything the next step depends on, for a checkpoint.
     fn save(&self) -> Vec<f64>;
 
-    /// Puts back what [`save`](Environment::save) gave; from then on every bit is as it would have been.
+    /// Puts back what [`save`](Environment::save) gave; from then on every bit is as it would have
+    /// been.
     ///
-    /// Errors: the state is of another environment.
+    /// # Errors
+    ///
+    /// The state is of another environment.
     fn restore(&mut self, state: &[f64]) -> Result<(), EnvError>;
 }
 
@@ -201,8 +219,22 @@ fn at(key: &str, index: Option<usize>) -> String {
 /// # Errors
 ///
 /// `got` numbers are not the `expected` ones.
-fn check_length(env: &str, what: &'static str, got: usize, expected: usize) -> Result<(), EnvError> {
-    if got == expected { Ok(()) } else { Err(EnvError::WrongLength { env: env.to_owned(), what, got, expected }) }
+fn check_length(
+    env: &str,
+    what: &'static str,
+    got: usize,
+    expected: usize,
+) -> Result<(), EnvError> {
+    if got == expected {
+        Ok(())
+    } else {
+        Err(EnvError::WrongLength {
+            env: env.to_owned(),
+            what,
+            got,
+            expected,
+        })
+    }
 }
 
 /// # Errors
@@ -212,18 +244,25 @@ fn check_finite(env: &str, what: &'static str, numbers: &[f64]) -> Result<(), En
     if numbers.iter().all(|x| x.is_finite()) {
         Ok(())
     } else {
-        Err(EnvError::NonFinite { env: env.to_owned(), what, numbers: numbers.to_vec() })
+        Err(EnvError::NonFinite {
+            env: env.to_owned(),
+            what,
+            numbers: numbers.to_vec(),
+        })
     }
 }
 
-/// The saved `state` of `env` without the tag in front, when it has `tag` and `len` numbers after it. Two environments'
-/// states can have the same length, HalfCheetah's and Walker2d's do, hence the tag.
+/// The saved `state` of `env` without the tag in front, when it has `tag` and `len` numbers after
+/// it. Two environments' states can have the same length, HalfCheetah's and Walker2d's do, hence
+/// the tag.
 fn untag<'a>(env: &str, tag: f64, state: &'a [f64], len: usize) -> Result<&'a [f64], EnvError> {
     match state {
         [first, rest @ ..] if *first == tag => {
             check_length(env, "the saved state", rest.len(), len)?;
             Ok(rest)
         }
-        _ => Err(EnvError::ForeignState { env: env.to_owned() }),
+        _ => Err(EnvError::ForeignState {
+            env: env.to_owned(),
+        }),
     }
 }

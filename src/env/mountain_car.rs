@@ -47,7 +47,12 @@ pub(super) struct MountainCar {
 impl MountainCar {
     /// A car in the valley, called `name`, whose saved states `tag` marks.
     pub(super) fn new(name: &'static str, tag: f64) -> Self {
-        Self { name, tag, position: 0.0, velocity: 0.0 }
+        Self {
+            name,
+            tag,
+            position: 0.0,
+            velocity: 0.0,
+        }
     }
 
     fn at_goal(&self) -> bool {
@@ -61,7 +66,11 @@ impl MountainCar {
 
 impl Environment for MountainCar {
     fn spaces(&self) -> Spaces {
-        Spaces { observation_dim: 2, action_dim: 1, action_bound: MAX_FORCE }
+        Spaces {
+            observation_dim: 2,
+            action_dim: 1,
+            action_bound: MAX_FORCE,
+        }
     }
 
     fn reset(&mut self, rng: &mut Rng, observation: &mut [f64]) {
@@ -73,7 +82,10 @@ impl Environment for MountainCar {
         self.advance(action)?;
         self.observe(observation);
         let goal = if self.at_goal() { 100.0 } else { 0.0 };
-        Ok(Outcome { reward: goal - 0.1 * action[0].powi(2), terminated: self.at_goal() })
+        Ok(Outcome {
+            reward: goal - 0.1 * action[0].powi(2),
+            terminated: self.at_goal(),
+        })
     }
 
     fn advance(&mut self, action: &[f64]) -> Result<(), EnvError> {
@@ -95,12 +107,23 @@ impl Environment for MountainCar {
     }
 
     fn pose(&self) -> Pose {
-        Pose { qpos: vec![self.position], qvel: vec![self.velocity] }
+        Pose {
+            qpos: vec![self.position],
+            qvel: vec![self.velocity],
+        }
     }
 
     fn pose_of(&self, observation: &[f64]) -> Option<(Pose, usize)> {
-        let [position, velocity] = *observation else { return None };
-        Some((Pose { qpos: vec![position], qvel: vec![velocity] }, 1))
+        let [position, velocity] = *observation else {
+            return None;
+        };
+        Some((
+            Pose {
+                qpos: vec![position],
+                qvel: vec![velocity],
+            },
+            1,
+        ))
     }
 
     fn set_pose(&mut self, pose: &Pose, observation: &mut [f64]) -> Result<(), EnvError> {
@@ -130,7 +153,11 @@ mod tests {
 
     /// Position and velocity after one step from `position` and `velocity`, and what it gave.
     fn step(position: f64, velocity: f64, action: f64) -> (f64, f64, Outcome) {
-        let mut car = MountainCar { position, velocity, ..MountainCar::new("car", 0.0) };
+        let mut car = MountainCar {
+            position,
+            velocity,
+            ..MountainCar::new("car", 0.0)
+        };
         let outcome = car.step(&[action], &mut [0.0; 2]).expect("a step");
         (car.position, car.velocity, outcome)
     }
@@ -150,7 +177,19 @@ mod tests {
 
     #[test]
     fn the_goal_is_reached_by_position_and_direction_and_costs_the_unclamped_action() {
-        assert_eq!(step(0.44, 0.05, 2.0).2, Outcome { reward: 99.6, terminated: true });
-        assert_eq!(step(0.47, -0.01, 1.0).2, Outcome { reward: -0.1, terminated: false });
+        assert_eq!(
+            step(0.44, 0.05, 2.0).2,
+            Outcome {
+                reward: 99.6,
+                terminated: true
+            }
+        );
+        assert_eq!(
+            step(0.47, -0.01, 1.0).2,
+            Outcome {
+                reward: -0.1,
+                terminated: false
+            }
+        );
     }
 }

@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 use super::{EnvError, EnvId};
 use crate::quantity::Positive;
 
-/// The reward that is trained on. Externally tagged: `"dense"`, `"sparse1"`, `{ sparse2 = { distance = 15.0 } }`.
+/// The reward that is trained on. Externally tagged: `"dense"`, `"sparse1"`, `{ sparse2 = {
+/// distance = 15.0 } }`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Reward {
@@ -23,15 +24,19 @@ pub enum Reward {
         #[serde(default)]
         mode: SparseMode,
     },
-    /// SPARSE3: +1 on every step on which the last pole is high (InvertedPendulum, InvertedDoublePendulum).
+    /// SPARSE3: +1 on every step on which the last pole is high (InvertedPendulum,
+    /// InvertedDoublePendulum).
     Sparse3 {
-        /// Metres: the height of the single pole's tip, or of the centre of the double pendulum's second pole.
+        /// Metres: the height of the single pole's tip, or of the centre of the double pendulum's
+        /// second pole.
         height: Positive,
     },
 }
 
 /// When SPARSE2 pays.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema,
+)]
 #[serde(rename_all = "snake_case")]
 pub enum SparseMode {
     /// Once for each whole distance covered, so that going farther is worth more.
@@ -42,14 +47,24 @@ pub enum SparseMode {
 }
 
 impl Reward {
-    /// Errors: `env` does not have this reward.
+    /// # Errors
+    ///
+    /// `env` does not have this reward.
     pub(super) fn check(self, env: EnvId) -> Result<(), EnvError> {
         let has = env.sparse_reward();
         if self == Self::Dense || mem::discriminant(&self) == mem::discriminant(&has) {
             Ok(())
         } else {
-            let has = if has == Self::Dense { "no other; its table names no landmark" } else { has.name() };
-            Err(EnvError::NoSuchReward { env, reward: self.name(), has })
+            let has = if has == Self::Dense {
+                "no other; its table names no landmark"
+            } else {
+                has.name()
+            };
+            Err(EnvError::NoSuchReward {
+                env,
+                reward: self.name(),
+                has,
+            })
         }
     }
 

@@ -1,8 +1,9 @@
 //! What is added to a MuJoCo model to make a task of it, as it is written in TOML.
 //!
-//! Owns the words of a robot's table: what is observed, what is paid, when an episode ends, how one starts. Knows nothing of
-//! how MuJoCo computes any of it. The robots that ship are written in these words too (`robots/*.toml`). Start at [`Robot`];
-//! the format is documented in `experiments/environments.md`.
+//! Owns the words of a robot's table: what is observed, what is paid, when an episode ends, how one
+//! starts. Knows nothing of how MuJoCo computes any of it. The robots that ship are written in
+//! these words too (`robots/*.toml`). Start at [`Robot`]; the format is documented in
+//! `experiments/environments.md`.
 
 use std::path::PathBuf;
 
@@ -35,7 +36,8 @@ pub struct Robot {
     pub observation: Vec<Part>,
     /// The terms of the dense reward, summed in order; required.
     pub dense_reward: Vec<Term>,
-    /// What holds as long as an episode goes on; when it no longer does, the episode terminates. Default: it never ends.
+    /// What holds as long as an episode goes on; when it no longer does, the episode terminates.
+    /// Default: it never ends.
     #[serde(default)]
     pub alive: Vec<Condition>,
     /// How an episode's start is disturbed. Default: not at all.
@@ -83,7 +85,8 @@ pub enum Part {
     ConstraintForces(Range),
     /// Forces of the actuators on the joints (`qfrc_actuator`).
     ActuatorForces(Range),
-    /// Inertia and mass of each body about the centre of mass, the world's first (`cinert`), ten numbers a body.
+    /// Inertia and mass of each body about the centre of mass, the world's first (`cinert`), ten
+    /// numbers a body.
     Inertias(Range),
     /// Velocity of each body, turning and moving (`cvel`), six numbers a body.
     BodyVelocities(Range),

@@ -1,6 +1,8 @@
 //! One episode as the learner sees it: physics, the reward that is trained on, and the time limit.
 
-use super::{EnvError, EnvId, Environment, EpisodeEnd, Pose, Reward, Spaces, SparseMode, check_length};
+use super::{
+    EnvError, EnvId, Environment, EpisodeEnd, Pose, Reward, Spaces, SparseMode, check_length,
+};
 use crate::rng::Rng;
 
 /// An environment with its reward and time limit.
@@ -30,16 +32,36 @@ pub struct Transition {
 impl Task {
     /// The task `env` with `reward`, cut after `max_steps`.
     ///
-    /// Errors: the environment does not have the reward, or the engine refuses the model.
+    /// # Errors
+    ///
+    /// The environment does not have the reward, or the engine refuses the model.
     pub fn new(env: EnvId, reward: Reward, max_steps: u64) -> Result<Self, EnvError> {
         reward.check(env)?;
-        Ok(Self::from_environment(env.name(), env.build()?, reward, max_steps))
+        Ok(Self::from_environment(
+            env.name(),
+            env.build()?,
+            reward,
+            max_steps,
+        ))
     }
 
-    /// The task of `environment`, which messages call `name`, with `reward`, cut after `max_steps`: for environments that this
-    /// crate does not know. What a sparse reward pays for is the environment's own [`landmark`](Environment::landmark).
-    pub fn from_environment(name: &str, environment: Box<dyn Environment>, reward: Reward, max_steps: u64) -> Self {
-        Self { name: name.to_owned(), environment, reward, max_steps, elapsed: 0, milestones: 0.0 }
+    /// The task of `environment`, which messages call `name`, with `reward`, cut after `max_steps`:
+    /// for environments that this crate does not know. What a sparse reward pays for is the
+    /// environment's own [`landmark`](Environment::landmark).
+    pub fn from_environment(
+        name: &str,
+        environment: Box<dyn Environment>,
+        reward: Reward,
+        max_steps: u64,
+    ) -> Self {
+        Self {
+            name: name.to_owned(),
+            environment,
+            reward,
+            max_steps,
+            elapsed: 0,
+            milestones: 0.0,
+        }
     }
 
     /// The shapes and bounds.
@@ -53,11 +75,18 @@ impl Task {
         (self.elapsed, self.milestones) = (0, 0.0);
     }
 
-    /// Takes one step under `action` (`[action_dim]`, unclamped) and writes the observation after it. After an end,
+    /// Takes one step under `action` (`[action_dim]`, unclamped) and writes the observation after
+    /// it. After an end,
     /// [`reset`](Task::reset) comes next. A termination on the last step that the limit allows is a termination.
     ///
-    /// Errors: the action has a wrong length or is not finite, or the physics diverged.
-    pub fn step(&mut self, action: &[f64], observation: &mut [f64]) -> Result<Transition, EnvError> {
+    /// # Errors
+    ///
+    /// The action has a wrong length or is not finite, or the physics diverged.
+    pub fn step(
+        &mut self,
+        action: &[f64],
+        observation: &mut [f64],
+    ) -> Result<Transition, EnvError> {
         let outcome = self.environment.step(action, observation)?;
         self.elapsed += 1;
         let end = if outcome.terminated {
@@ -67,12 +96,18 @@ impl Task {
         } else {
             None
         };
-        Ok(Transition { reward: self.trained_reward(outcome.reward), dense_reward: outcome.reward, end })
+        Ok(Transition {
+            reward: self.trained_reward(outcome.reward),
+            dense_reward: outcome.reward,
+            end,
+        })
     }
 
     /// The physics of a step alone: see [`Environment::advance`].
     ///
-    /// Errors: as for [`step`](Task::step).
+    /// # Errors
+    ///
+    /// As for [`step`](Task::step).
     pub fn advance(&mut self, action: &[f64]) -> Result<(), EnvError> {
         self.environment.advance(action)
     }
@@ -83,8 +118,14 @@ impl Task {
         match self.reward {
             Reward::Dense => dense,
             Reward::Sparse1 => one_if(landmark == 1.0),
-            Reward::Sparse2 { distance, mode: SparseMode::Beyond } => one_if(landmark > distance.get()),
-            Reward::Sparse2 { distance, mode: SparseMode::Milestone } => {
+            Reward::Sparse2 {
+                distance,
+                mode: SparseMode::Beyond,
+            } => one_if(landmark > distance.get()),
+            Reward::Sparse2 {
+                distance,
+                mode: SparseMode::Milestone,
+            } => {
                 let covered = (landmark / distance.get()).floor().max(self.milestones);
                 covered - std::mem::replace(&mut self.milestones, covered)
             }
@@ -94,7 +135,9 @@ impl Task {
 
     /// Starts an episode in `pose` and writes its first observation.
     ///
-    /// Errors: the pose has a wrong length or is not finite.
+    /// # Errors
+    ///
+    /// The pose has a wrong length or is not finite.
     pub fn set_pose(&mut self, pose: &Pose, observation: &mut [f64]) -> Result<(), EnvError> {
         self.environment.set_pose(pose, observation)?;
         (self.elapsed, self.milestones) = (0, 0.0);
@@ -115,7 +158,9 @@ impl Task {
 
     /// Puts back what [`save`](Task::save) gave; from then on every bit is as it would have been.
     ///
-    /// Errors: the state is of another environment.
+    /// # Errors
+    ///
+    /// The state is of another environment.
     pub fn restore(&mut self, state: &[f64]) -> Result<(), EnvError> {
         let [elapsed, milestones, environment @ ..] = state else {
             return check_length(&self.name, "the saved state", state.len(), 2);
@@ -139,7 +184,11 @@ mod tests {
 
     impl Environment for Scripted {
         fn spaces(&self) -> Spaces {
-            Spaces { observation_dim: 1, action_dim: 1, action_bound: 1.0 }
+            Spaces {
+                observation_dim: 1,
+                action_dim: 1,
+                action_bound: 1.0,
+            }
         }
 
         fn reset(&mut self, _: &mut Rng, _: &mut [f64]) {
@@ -148,7 +197,10 @@ mod tests {
 
         fn step(&mut self, _: &[f64], _: &mut [f64]) -> Result<Outcome, EnvError> {
             self.advance(&[])?;
-            Ok(Outcome { reward: -1.0, terminated: self.step == self.landmarks.len() })
+            Ok(Outcome {
+                reward: -1.0,
+                terminated: self.step == self.landmarks.len(),
+            })
         }
 
         fn advance(&mut self, _: &[f64]) -> Result<(), EnvError> {
@@ -161,7 +213,10 @@ mod tests {
         }
 
         fn pose(&self) -> Pose {
-            Pose { qpos: vec![], qvel: vec![] }
+            Pose {
+                qpos: vec![],
+                qvel: vec![],
+            }
         }
 
         fn set_pose(&mut self, _: &Pose, _: &mut [f64]) -> Result<(), EnvError> {
@@ -180,7 +235,10 @@ mod tests {
     }
 
     fn task(reward: Reward, max_steps: u64, landmarks: &[f64]) -> Task {
-        let environment = Box::new(Scripted { landmarks: landmarks.to_vec(), step: 0 });
+        let environment = Box::new(Scripted {
+            landmarks: landmarks.to_vec(),
+            step: 0,
+        });
         Task::from_environment("scripted", environment, reward, max_steps)
     }
 
@@ -197,7 +255,10 @@ mod tests {
     }
 
     fn sparse2(mode: SparseMode) -> Reward {
-        Reward::Sparse2 { distance: constant(15.0), mode }
+        Reward::Sparse2 {
+            distance: constant(15.0),
+            mode,
+        }
     }
 
     const WAY: [f64; 8] = [-20.0, 14.9, 15.0, 15.1, 3.0, 46.0, 44.0, 60.0];
@@ -205,7 +266,10 @@ mod tests {
     #[test]
     fn sparse2_pays_on_every_step_beyond_the_distance() {
         let mut task = task(sparse2(SparseMode::Beyond), 100, &WAY);
-        assert_eq!(episode(&mut task).0, [0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 1.0]);
+        assert_eq!(
+            episode(&mut task).0,
+            [0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 1.0]
+        );
     }
 
     #[test]
@@ -213,8 +277,19 @@ mod tests {
         let mut task = task(sparse2(SparseMode::Milestone), 100, &WAY);
         let expected = [0.0, 0.0, 1.0, 0.0, 0.0, 2.0, 0.0, 1.0];
         assert_eq!(episode(&mut task).0, expected);
-        task.set_pose(&Pose { qpos: vec![], qvel: vec![] }, &mut [0.0]).expect("scripted");
-        assert_eq!(episode(&mut task).0, expected, "a new episode earns them again");
+        task.set_pose(
+            &Pose {
+                qpos: vec![],
+                qvel: vec![],
+            },
+            &mut [0.0],
+        )
+        .expect("scripted");
+        assert_eq!(
+            episode(&mut task).0,
+            expected,
+            "a new episode earns them again"
+        );
     }
 
     #[test]
@@ -232,14 +307,28 @@ mod tests {
 
     #[test]
     fn sparse1_pays_at_the_goal_and_sparse3_above_the_height() {
-        assert_eq!(episode(&mut task(Reward::Sparse1, 100, &[0.0, 0.0, 1.0])).0, [0.0, 0.0, 1.0]);
-        let high = Reward::Sparse3 { height: constant(0.59) };
-        assert_eq!(episode(&mut task(high, 100, &[0.6, 0.591, 0.59, 0.2])).0, [1.0, 1.0, 0.0, 0.0]);
+        assert_eq!(
+            episode(&mut task(Reward::Sparse1, 100, &[0.0, 0.0, 1.0])).0,
+            [0.0, 0.0, 1.0]
+        );
+        let high = Reward::Sparse3 {
+            height: constant(0.59),
+        };
+        assert_eq!(
+            episode(&mut task(high, 100, &[0.6, 0.591, 0.59, 0.2])).0,
+            [1.0, 1.0, 0.0, 0.0]
+        );
     }
 
     #[test]
     fn a_termination_on_the_last_step_is_no_truncation() {
-        assert_eq!(episode(&mut task(Reward::Dense, 3, &[0.0; 4])), (vec![-1.0; 3], EpisodeEnd::Truncated));
-        assert_eq!(episode(&mut task(Reward::Dense, 4, &[0.0; 4])), (vec![-1.0; 4], EpisodeEnd::Terminated));
+        assert_eq!(
+            episode(&mut task(Reward::Dense, 3, &[0.0; 4])),
+            (vec![-1.0; 3], EpisodeEnd::Truncated)
+        );
+        assert_eq!(
+            episode(&mut task(Reward::Dense, 4, &[0.0; 4])),
+            (vec![-1.0; 4], EpisodeEnd::Terminated)
+        );
     }
 }

@@ -44,8 +44,11 @@ impl Measure {
 
     /// Every name that [`parse`](Self::parse) knows.
     pub fn names() -> impl Iterator<Item = &'static str> {
-        let columns = progress::COLUMNS.iter().filter(|column| column.holds_numbers());
-        let named = columns.flat_map(|column| [Some(column.called()), column.alias.map(|_| column.name)]);
+        let columns = progress::COLUMNS
+            .iter()
+            .filter(|column| column.holds_numbers());
+        let named =
+            columns.flat_map(|column| [Some(column.called()), column.alias.map(|_| column.name)]);
         std::iter::once(Self::RETURN).chain(named.flatten())
     }
 
@@ -97,8 +100,14 @@ mod tests {
         assert!(Measure::names().any(|name| name == "physics_seconds"));
         assert_eq!(Measure::parse("d_k"), Measure::parse("d"));
         assert!(Measure::parse("d").is_ok_and(|measure| measure.is(&progress::TOLERANCE)));
-        assert_eq!(Measure::parse("case"), Err(UnknownMeasure::Words("case".into())));
-        assert_eq!(Measure::parse("mdd"), Err(UnknownMeasure::NoColumn("mdd".into())));
+        assert_eq!(
+            Measure::parse("case"),
+            Err(UnknownMeasure::Words("case".into()))
+        );
+        assert_eq!(
+            Measure::parse("mdd"),
+            Err(UnknownMeasure::NoColumn("mdd".into()))
+        );
     }
 
     #[test]

@@ -1,8 +1,9 @@
 //! What training measures: the rows of a run, and the catalogue of their columns.
 //!
-//! Owns the rows ([`Iteration`], [`EvaluationEpisode`]) and, for each of their columns, its name, unit, meaning, kind and role,
-//! and how it is read from a row and put into one. Whoever writes, reads, compares, draws, judges or documents a column asks
-//! here. Knows nothing of files. Start at [`progress::COLUMNS`]; a column is added there, and nowhere else.
+//! Owns the rows ([`Iteration`], [`EvaluationEpisode`]) and, for each of their columns, its name,
+//! unit, meaning, kind and role, and how it is read from a row and put into one. Whoever writes,
+//! reads, compares, draws, judges or documents a column asks here. Knows nothing of files. Start at
+//! [`progress::COLUMNS`]; a column is added there, and nowhere else.
 
 pub mod evaluations;
 mod measure;
@@ -17,7 +18,8 @@ pub use progress::Iteration;
 pub struct Column<R> {
     /// Its name in the Parquet file.
     pub name: &'static str,
-    /// What a matrix file and an export call it, where that is not its name in the Parquet file, which a run's key may have.
+    /// What a matrix file and an export call it, where that is not its name in the Parquet file,
+    /// which a run's key may have.
     pub alias: Option<&'static str>,
     /// What a figure's axis calls it; its name in words where empty.
     pub words: &'static str,
@@ -80,8 +82,16 @@ impl<R> Column<R> {
 
     /// What a figure's axis calls it, with its unit: `KL of the update (nats)`.
     pub fn label(&self) -> String {
-        let words = if self.words.is_empty() { self.name.replace('_', " ") } else { self.words.to_owned() };
-        if self.unit.is_empty() { words } else { format!("{words} ({})", self.unit) }
+        let words = if self.words.is_empty() {
+            self.name.replace('_', " ")
+        } else {
+            self.words.to_owned()
+        };
+        if self.unit.is_empty() {
+            words
+        } else {
+            format!("{words} ({})", self.unit)
+        }
     }
 
     /// Whether its cells are numbers, which can be drawn.
@@ -104,8 +114,8 @@ impl<R> Column<R> {
     }
 }
 
-/// The catalogue of one kind of row: each column as a static of its own, by which other modules name it, and all of them in the
-/// file's order.
+/// The catalogue of one kind of row: each column as a static of its own, by which other modules
+/// name it, and all of them in the file's order.
 ///
 /// A line is `STATIC "name" ["alias"] Kind = field.of.the.row, Role, "words", "unit", "meaning";`.
 macro_rules! columns {
@@ -138,7 +148,9 @@ pub(crate) use columns;
 /// Whether a column called `name`, of either table, holds what a clock measured.
 pub fn is_of_clock(name: &str) -> bool {
     fn within<R>(columns: &[&Column<R>], name: &str) -> bool {
-        columns.iter().any(|column| column.name == name && column.role == Role::Clock)
+        columns
+            .iter()
+            .any(|column| column.name == name && column.role == Role::Clock)
     }
     within(progress::COLUMNS, name) || within(evaluations::COLUMNS, name)
 }
@@ -146,7 +158,10 @@ pub fn is_of_clock(name: &str) -> bool {
 /// Whether either table has a column called `name`.
 pub fn is_column(name: &str) -> bool {
     let of_progress = progress::COLUMNS.iter().any(|column| column.name == name);
-    of_progress || evaluations::COLUMNS.iter().any(|column| column.name == name)
+    of_progress
+        || evaluations::COLUMNS
+            .iter()
+            .any(|column| column.name == name)
 }
 
 #[cfg(test)]
@@ -159,7 +174,9 @@ mod tests {
 
     /// The fields of `row`, those of a field that is a row itself among them.
     fn fields(row: Value) -> BTreeSet<String> {
-        let Value::Object(fields) = row else { panic!("a row has fields") };
+        let Value::Object(fields) = row else {
+            panic!("a row has fields")
+        };
         let inner = |(name, value)| match value {
             Value::Object(_) => super::tests::fields(value),
             _ => BTreeSet::from([name]),
@@ -168,13 +185,19 @@ mod tests {
     }
 
     fn names<R>(columns: &[&Column<R>]) -> BTreeSet<String> {
-        columns.iter().map(|column| column.called().to_owned()).collect()
+        columns
+            .iter()
+            .map(|column| column.called().to_owned())
+            .collect()
     }
 
     #[test]
     fn every_field_of_a_row_is_a_column() {
         let mut of_iteration = fields(serde_json::to_value(Iteration::default()).expect("a row"));
-        assert!(of_iteration.remove("seconds"), "the parts of an update are for `bench` alone");
+        assert!(
+            of_iteration.remove("seconds"),
+            "the parts of an update are for `bench` alone"
+        );
         assert_eq!(names(progress::COLUMNS), of_iteration);
         let of_episode = fields(serde_json::to_value(EvaluationEpisode::default()).expect("a row"));
         assert_eq!(names(evaluations::COLUMNS), of_episode);
@@ -194,17 +217,36 @@ mod tests {
                 Cell::MaybeWord(field) => (field.set)(&mut row, Some("7".to_owned())),
             }
             assert_ne!(row, Iteration::default(), "{}", column.name);
-            for (other, second) in progress::COLUMNS.iter().enumerate().filter(|_| column.holds_numbers()) {
+            for (other, second) in progress::COLUMNS
+                .iter()
+                .enumerate()
+                .filter(|_| column.holds_numbers())
+            {
                 let is_seven = second.number(&row) == Some(7.0);
-                assert_eq!(is_seven, index == other, "{} and {}", column.name, second.name);
+                assert_eq!(
+                    is_seven,
+                    index == other,
+                    "{} and {}",
+                    column.name,
+                    second.name
+                );
             }
         }
     }
 
     #[test]
     fn a_clocks_columns_are_those_of_seconds() {
-        let clocks: Vec<&str> = progress::COLUMNS.iter().map(|c| c.name).filter(|name| is_of_clock(name)).collect();
-        assert_eq!(clocks, ["physics_seconds", "rollout_seconds", "update_seconds"]);
-        assert!(!is_of_clock("kl") && !is_of_clock("length") && !is_of_clock("axis.update_seconds"));
+        let clocks: Vec<&str> = progress::COLUMNS
+            .iter()
+            .map(|c| c.name)
+            .filter(|name| is_of_clock(name))
+            .collect();
+        assert_eq!(
+            clocks,
+            ["physics_seconds", "rollout_seconds", "update_seconds"]
+        );
+        assert!(
+            !is_of_clock("kl") && !is_of_clock("length") && !is_of_clock("axis.update_seconds")
+        );
     }
 }

@@ -33,7 +33,10 @@ pub struct Iteration {
 impl Iteration {
     /// What was learned before the first step in an environment.
     pub fn before_any(update: Update) -> Self {
-        Self { update, ..Self::default() }
+        Self {
+            update,
+            ..Self::default()
+        }
     }
 }
 
@@ -94,5 +97,8 @@ columns! { Iteration;
 
 /// The column that is called `name`, in the Parquet file or in a matrix file.
 pub fn find(name: &str) -> Option<&'static Column<Iteration>> {
-    COLUMNS.iter().copied().find(|column| column.name == name || column.alias == Some(name))
+    COLUMNS
+        .iter()
+        .copied()
+        .find(|column| column.name == name || column.alias == Some(name))
 }

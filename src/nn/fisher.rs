@@ -5,8 +5,8 @@ use nalgebra::DMatrix;
 use super::{GaussianPolicy, Pass};
 use crate::solver::LinearOperator;
 
-/// The Fisher information of a policy over a batch, plus damping: the Hessian of the mean KL at the policy itself.
-/// Each product is a Gauss-Newton product on the activations of one forward pass.
+/// The Fisher information of a policy over a batch, plus damping: the Hessian of the mean KL at the
+/// policy itself. Each product is a Gauss-Newton product on the activations of one forward pass.
 #[derive(Debug)]
 pub struct Fisher<'a> {
     policy: &'a GaussianPolicy,
@@ -16,9 +16,20 @@ pub struct Fisher<'a> {
 }
 
 impl<'a> Fisher<'a> {
-    /// `pass` is that of `policy`'s last forward pass on `observations`; `damping` is added to the diagonal.
-    pub fn new(policy: &'a GaussianPolicy, observations: &'a DMatrix<f32>, pass: &'a mut Pass, damping: f64) -> Self {
-        Self { policy, observations, pass, damping }
+    /// `pass` is that of `policy`'s last forward pass on `observations`; `damping` is added to the
+    /// diagonal.
+    pub fn new(
+        policy: &'a GaussianPolicy,
+        observations: &'a DMatrix<f32>,
+        pass: &'a mut Pass,
+        damping: f64,
+    ) -> Self {
+        Self {
+            policy,
+            observations,
+            pass,
+            damping,
+        }
     }
 }
 
@@ -31,14 +42,25 @@ impl LinearOperator for Fisher<'_> {
         let network = &self.policy.mean();
         let (x_mean, x_log_std) = x.split_at(network.parameters().len());
         let (product_mean, product_log_std) = product.split_at_mut(network.parameters().len());
-        // The KL's Hessian by the mean is 1 / std^2; here also the division by the number of samples.
+        // The KL's Hessian by the mean is 1 / std^2; here also the division by the number of
+        // samples.
         let samples = self.observations.ncols() as f64;
-        let weights: Vec<f32> = self.policy.inverse_std().map(|r| (r * r / samples) as f32).collect();
+        let weights: Vec<f32> = self
+            .policy
+            .inverse_std()
+            .map(|r| (r * r / samples) as f32)
+            .collect();
         network.gauss_newton(self.observations, self.pass, &weights, x_mean, product_mean);
         let damping = self.damping as f32;
-        product_mean.iter_mut().zip(x_mean).for_each(|(y, x)| *y += damping * x);
+        product_mean
+            .iter_mut()
+            .zip(x_mean)
+            .for_each(|(y, x)| *y += damping * x);
         // By log_std the KL's Hessian is 2, in every state.
-        product_log_std.iter_mut().zip(x_log_std).for_each(|(y, x)| *y = (2.0 + damping) * x);
+        product_log_std
+            .iter_mut()
+            .zip(x_log_std)
+            .for_each(|(y, x)| *y = (2.0 + damping) * x);
     }
 }
 
@@ -70,7 +92,8 @@ mod tests {
             let mut sum = 0.0;
             for (mean, new_mean) in means.iter().zip(&new_means) {
                 for j in 0..2 {
-                    let (variance, new_variance) = ((2.0 * log_std[j]).exp(), (2.0 * new_log_std[j]).exp());
+                    let (variance, new_variance) =
+                        ((2.0 * log_std[j]).exp(), (2.0 * new_log_std[j]).exp());
                     sum += 0.5 * (new_variance / variance).ln() - 0.5
                         + (variance + (mean[j] - new_mean[j]).powi(2)) / (2.0 * new_variance);
                 }
@@ -81,8 +104,12 @@ mod tests {
         policy.forward(&observations, &mut pass);
         let mut fisher = Fisher::new(&policy, &observations, &mut pass, 0.0);
         for index in 0..10 {
-            let (x, y) = (numbers(policy.dim(), 20 + index), numbers(policy.dim(), 40 + index));
-            // Central differences of step h err by h^2 times fourth derivatives, and by 1e-16 / h^2 in rounding.
+            let (x, y) = (
+                numbers(policy.dim(), 20 + index),
+                numbers(policy.dim(), 40 + index),
+            );
+            // Central differences of step h err by h^2 times fourth derivatives, and by 1e-16 / h^2
+            // in rounding.
             let h = 1e-4;
             let curvature = |sign: f64| {
                 let at = |h: f64| kl_at(&moved(&moved(&start, h, &x), sign * h, &y));
@@ -90,7 +117,10 @@ mod tests {
             };
             let hessian = (curvature(1.0) - curvature(-1.0)) / (4.0 * h * h);
             let product = fisher_form(&mut fisher, &x, &y);
-            assert!((product - hessian).abs() < 1e-4 * hessian.abs().max(1.0), "{product}, {hessian}");
+            assert!(
+                (product - hessian).abs() < 1e-4 * hessian.abs().max(1.0),
+                "{product}, {hessian}"
+            );
         }
     }
 
@@ -104,8 +134,14 @@ mod tests {
         let mut damped = Fisher::new(&policy, &observations, &mut other_pass, 0.25);
         assert_eq!(fisher.dim(), policy.dim());
         for index in 0..10 {
-            let (x, y) = (numbers(policy.dim(), 60 + index), numbers(policy.dim(), 80 + index));
-            let (there, back) = (fisher_form(&mut fisher, &x, &y), fisher_form(&mut fisher, &y, &x));
+            let (x, y) = (
+                numbers(policy.dim(), 60 + index),
+                numbers(policy.dim(), 80 + index),
+            );
+            let (there, back) = (
+                fisher_form(&mut fisher, &x, &y),
+                fisher_form(&mut fisher, &y, &x),
+            );
             assert!((there - back).abs() < 1e-4, "{there}, {back}");
             let square = fisher_form(&mut fisher, &x, &x);
             assert!(square > 0.0);

@@ -1,4 +1,5 @@
-//! A multilayer perceptron with tanh hidden layers and a linear output, with parameters in one flat vector.
+//! A multilayer perceptron with tanh hidden layers and a linear output, with parameters in one flat
+//! vector.
 
 use std::ops::Range;
 
@@ -7,7 +8,8 @@ use rand::RngExt as _;
 use serde::{Deserialize, Serialize};
 
 use super::pass::{
-    CHUNK, Kept, Pass, Scratch, chunks, columns, columns_mut, cut, first, matrix, matrix_mut, sum_over_chunks,
+    CHUNK, Kept, Pass, Scratch, chunks, columns, columns_mut, cut, first, matrix, matrix_mut,
+    sum_over_chunks,
 };
 use crate::{
     arithmetic::{
@@ -20,7 +22,8 @@ use crate::{
 /// The sum over a chunk's samples is a product with these.
 static ONES: [f32; CHUNK] = [1.0; CHUNK];
 
-/// A network's shape and parameters: for each layer the weights (column-major `[out x in]`), then the biases (`[out]`).
+/// A network's shape and parameters: for each layer the weights (column-major `[out x in]`), then
+/// the biases (`[out]`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Mlp {
     widths: Vec<usize>,
@@ -28,23 +31,31 @@ pub struct Mlp {
 }
 
 impl Mlp {
-    /// A network with layers of `widths` (input, hidden ..., output); weights uniform in +-1/sqrt(fan-in), those of the
-    /// output layer times `output_scale`; hidden biases likewise uniform, output biases zero.
+    /// A network with layers of `widths` (input, hidden ..., output); weights uniform in
+    /// +-1/sqrt(fan-in), those of the output layer times `output_scale`; hidden biases likewise
+    /// uniform, output biases zero.
     pub fn new(widths: &[usize], output_scale: f32, rng: &mut Rng) -> Self {
-        assert!(widths.len() >= 2 && !widths.contains(&0), "a network needs an input and an output: {widths:?}");
+        assert!(
+            widths.len() >= 2 && !widths.contains(&0),
+            "a network needs an input and an output: {widths:?}"
+        );
         let mut parameters = Vec::with_capacity(widths.windows(2).map(block_len).sum());
         for (layer, shape) in widths.windows(2).enumerate() {
             let is_output = layer + 2 == widths.len();
             let bound = 1.0 / (shape[0] as f32).sqrt();
             let scale = if is_output { output_scale } else { 1.0 };
-            parameters.extend((0..shape[0] * shape[1]).map(|_| scale * rng.random_range(-bound..=bound)));
+            parameters
+                .extend((0..shape[0] * shape[1]).map(|_| scale * rng.random_range(-bound..=bound)));
             if is_output {
                 parameters.extend((0..shape[1]).map(|_| 0.0));
             } else {
                 parameters.extend((0..shape[1]).map(|_| rng.random_range(-bound..=bound)));
             }
         }
-        Self { widths: widths.to_vec(), parameters }
+        Self {
+            widths: widths.to_vec(),
+            parameters,
+        }
     }
 
     /// Input, hidden and output widths.
@@ -82,19 +93,34 @@ impl Mlp {
 
     /// Runs `inputs` (`[in x n]`) through the network; the outputs are in [`Pass::output`].
     pub fn forward(&self, inputs: &DMatrix<f32>, pass: &mut Pass) {
-        assert_eq!(inputs.nrows(), self.widths[0], "height of the network's inputs");
+        assert_eq!(
+            inputs.nrows(),
+            self.widths[0],
+            "height of the network's inputs"
+        );
         pass.prepare(&self.widths, inputs.ncols());
-        let Pass { activations, transposed, rooms, .. } = pass;
-        if let (Some((weights, _)), Some(transposed)) = (self.layers().last(), transposed.last_mut()) {
+        let Pass {
+            activations,
+            transposed,
+            rooms,
+            ..
+        } = pass;
+        if let (Some((weights, _)), Some(transposed)) =
+            (self.layers().last(), transposed.last_mut())
+        {
             weights.transpose_to(&mut matrix_mut(transposed, weights.ncols()));
         }
         let output_weights = transposed.last().map_or(&[][..], Vec::as_slice);
         let input_of = |chunk: &Range<usize>| columns(inputs.as_slice(), self.widths[0], chunk);
         let layers = activations.iter_mut().zip(self.widths[1..].iter().copied());
         if rooms.len() > 1 {
-            threads::share(rooms, cut(layers, inputs.ncols(), CHUNK), |_, (chunk, layers)| {
-                self.forward_chunk(input_of(&chunk), output_weights, layers.into_iter());
-            });
+            threads::share(
+                rooms,
+                cut(layers, inputs.ncols(), CHUNK),
+                |_, (chunk, layers)| {
+                    self.forward_chunk(input_of(&chunk), output_weights, layers.into_iter());
+                },
+            );
         } else {
             for chunk in chunks(inputs.ncols()) {
                 let layers = activations.iter_mut().zip(&self.widths[1..]);
@@ -104,8 +130,8 @@ impl Mlp {
         }
     }
 
-    /// Runs the `inputs` of one chunk through the network to the activations of each of `layers`, from the input on.
-    /// `output_weights` are the output layer's, transposed.
+    /// Runs the `inputs` of one chunk through the network to the activations of each of `layers`,
+    /// from the input on. `output_weights` are the output layer's, transposed.
     fn forward_chunk<'a>(
         &self,
         inputs: &'a [f32],
@@ -125,35 +151,86 @@ impl Mlp {
                 );
                 add_to_columns(output, biases);
             } else {
-                product(weights, matrix(input, fan_in), 0.0, matrix_mut(output, width));
+                product(
+                    weights,
+                    matrix(input, fan_in),
+                    0.0,
+                    matrix_mut(output, width),
+                );
                 tanh_biased(output, biases);
             }
             input = output;
         }
     }
 
-    /// Writes the gradient (`[parameters]`) of the sum over samples of `cotangent . output` (`cotangent` is `[out x n]`).
-    /// `pass` is that of the last [`forward`](Mlp::forward) on the same `inputs` and parameters.
-    pub fn vjp(&self, inputs: &DMatrix<f32>, pass: &mut Pass, cotangent: &DMatrix<f32>, gradient: &mut [f32]) {
+    /// Writes the gradient (`[parameters]`) of the sum over samples of `cotangent . output`
+    /// (`cotangent` is `[out x n]`). `pass` is that of the last [`forward`](Mlp::forward) on the
+    /// same `inputs` and parameters.
+    pub fn vjp(
+        &self,
+        inputs: &DMatrix<f32>,
+        pass: &mut Pass,
+        cotangent: &DMatrix<f32>,
+        gradient: &mut [f32],
+    ) {
         pass.check(&self.widths, inputs);
-        assert_eq!(cotangent.shape(), (pass.output_dim, pass.samples), "shape of the cotangent");
-        assert_eq!(gradient.len(), self.parameters.len(), "length of the gradient");
+        assert_eq!(
+            cotangent.shape(),
+            (pass.output_dim, pass.samples),
+            "shape of the cotangent"
+        );
+        assert_eq!(
+            gradient.len(),
+            self.parameters.len(),
+            "length of the gradient"
+        );
         self.transpose(pass);
-        let Pass { samples, activations, transposed, rooms, .. } = pass;
-        sum_over_chunks(*samples, rooms, gradient, |chunk, Scratch { hidden, output_weights, .. }, gradient| {
-            let kept = Kept { widths: &self.widths, inputs: inputs.as_slice(), activations, chunk };
-            let cotangent = matrix(columns(cotangent.as_slice(), cotangent.nrows(), &kept.chunk), cotangent.nrows());
-            for layer in (1..transposed.len()).rev() {
-                let (here, above) = hidden.split_at_mut(layer);
-                let derivative =
-                    above.first().map_or(cotangent, |above| first(above, self.widths[layer + 1], kept.chunk.len()));
-                let here = &mut here[layer - 1][..self.widths[layer] * kept.chunk.len()];
-                let weights = matrix(&transposed[layer], self.widths[layer]);
-                product(weights, derivative, 0.0, matrix_mut(here, self.widths[layer]));
-                tanh_cotangent(here, kept.flat_input(layer));
-            }
-            add_gradient(&kept, hidden, cotangent, output_weights, gradient);
-        });
+        let Pass {
+            samples,
+            activations,
+            transposed,
+            rooms,
+            ..
+        } = pass;
+        sum_over_chunks(
+            *samples,
+            rooms,
+            gradient,
+            |chunk,
+             Scratch {
+                 hidden,
+                 output_weights,
+                 ..
+             },
+             gradient| {
+                let kept = Kept {
+                    widths: &self.widths,
+                    inputs: inputs.as_slice(),
+                    activations,
+                    chunk,
+                };
+                let cotangent = matrix(
+                    columns(cotangent.as_slice(), cotangent.nrows(), &kept.chunk),
+                    cotangent.nrows(),
+                );
+                for layer in (1..transposed.len()).rev() {
+                    let (here, above) = hidden.split_at_mut(layer);
+                    let derivative = above.first().map_or(cotangent, |above| {
+                        first(above, self.widths[layer + 1], kept.chunk.len())
+                    });
+                    let here = &mut here[layer - 1][..self.widths[layer] * kept.chunk.len()];
+                    let weights = matrix(&transposed[layer], self.widths[layer]);
+                    product(
+                        weights,
+                        derivative,
+                        0.0,
+                        matrix_mut(here, self.widths[layer]),
+                    );
+                    tanh_cotangent(here, kept.flat_input(layer));
+                }
+                add_gradient(&kept, hidden, cotangent, output_weights, gradient);
+            },
+        );
     }
 
     /// Makes all of [`Pass::transposed`].
@@ -166,16 +243,41 @@ impl Mlp {
         }
     }
 
-    /// Writes the directional derivative of the outputs (`[out x n]`) along `tangent` (`[parameters]`).
-    /// `pass` is that of the last [`forward`](Mlp::forward) on the same `inputs` and parameters.
-    pub fn jvp(&self, inputs: &DMatrix<f32>, pass: &mut Pass, tangent: &[f32], output_tangent: &mut DMatrix<f32>) {
+    /// Writes the directional derivative of the outputs (`[out x n]`) along `tangent`
+    /// (`[parameters]`). `pass` is that of the last [`forward`](Mlp::forward) on the same `inputs`
+    /// and parameters.
+    pub fn jvp(
+        &self,
+        inputs: &DMatrix<f32>,
+        pass: &mut Pass,
+        tangent: &[f32],
+        output_tangent: &mut DMatrix<f32>,
+    ) {
         pass.check(&self.widths, inputs);
-        assert_eq!(tangent.len(), self.parameters.len(), "length of the tangent");
-        assert_eq!(output_tangent.shape(), (pass.output_dim, pass.samples), "shape of the output's tangent");
-        let Pass { samples, activations, rooms, .. } = pass;
+        assert_eq!(
+            tangent.len(),
+            self.parameters.len(),
+            "length of the tangent"
+        );
+        assert_eq!(
+            output_tangent.shape(),
+            (pass.output_dim, pass.samples),
+            "shape of the output's tangent"
+        );
+        let Pass {
+            samples,
+            activations,
+            rooms,
+            ..
+        } = pass;
         let hidden = &mut rooms[0].hidden;
         for chunk in chunks(*samples) {
-            let kept = Kept { widths: &self.widths, inputs: inputs.as_slice(), activations, chunk };
+            let kept = Kept {
+                widths: &self.widths,
+                inputs: inputs.as_slice(),
+                activations,
+                chunk,
+            };
             let layers = self.layers().zip(self.layers_of(tangent));
             for (layer, ((weights, _), (weights_tangent, biases_tangent))) in layers.enumerate() {
                 let (width, fan_in) = weights.shape();
@@ -185,9 +287,19 @@ impl Mlp {
                     None => columns_mut(output_tangent.as_mut_slice(), width, &kept.chunk),
                     Some(here) => &mut here[..width * kept.chunk.len()],
                 };
-                product(weights_tangent, kept.input(layer), 0.0, matrix_mut(here, width));
+                product(
+                    weights_tangent,
+                    kept.input(layer),
+                    0.0,
+                    matrix_mut(here, width),
+                );
                 if let Some(below) = below.last() {
-                    product(weights, first(below, fan_in, kept.chunk.len()), 1.0, matrix_mut(here, width));
+                    product(
+                        weights,
+                        first(below, fan_in, kept.chunk.len()),
+                        1.0,
+                        matrix_mut(here, width),
+                    );
                 }
                 if is_output {
                     add_to_columns(here, biases_tangent);
@@ -199,9 +311,9 @@ impl Mlp {
     }
 }
 
-/// Adds the gradient of the chunk `kept`, from the derivatives by each layer's sums: `hidden` (`[width x CHUNK]`) and
-/// `cotangent` (`[out x chunk]`). A sum over a chunk's samples is complete before it is added (a test checks the bits).
-/// `room` is for the output's weights.
+/// Adds the gradient of the chunk `kept`, from the derivatives by each layer's sums: `hidden`
+/// (`[width x CHUNK]`) and `cotangent` (`[out x chunk]`). A sum over a chunk's samples is complete
+/// before it is added (a test checks the bits). `room` is for the output's weights.
 pub(super) fn add_gradient(
     kept: &Kept<'_>,
     hidden: &[Vec<f32>],
@@ -224,7 +336,10 @@ pub(super) fn add_gradient(
                 let (by_weights, by_biases) = block.split_at_mut(fan_in * width);
                 product_nt(kept.input(layer), cotangent, 0.0, matrix_mut(room, fan_in));
                 for (row, by_weight) in by_weights.chunks_exact_mut(width).enumerate() {
-                    by_weight.iter_mut().zip(room[row..].iter().step_by(fan_in)).for_each(|(sum, x)| *sum += x);
+                    by_weight
+                        .iter_mut()
+                        .zip(room[row..].iter().step_by(fan_in))
+                        .for_each(|(sum, x)| *sum += x);
                 }
                 let ones = matrix(&ONES[..kept.chunk.len()], kept.chunk.len());
                 product(cotangent, ones, 1.0, matrix_mut(by_biases, width));
@@ -254,8 +369,14 @@ pub(super) mod tests {
     pub(in crate::nn) fn small(n: usize) -> (Mlp, DMatrix<f32>) {
         let mut rng = Seed(3).stream(Stream::Network, 0);
         let mut network = Mlp::new(&[3, 7, 5, 2], 1.0, &mut rng);
-        network.parameters.iter_mut().for_each(|p| *p += rng.random_range(-0.3..0.3));
-        (network, DMatrix::from_fn(3, n, |_, _| rng.random_range(-1.5..1.5)))
+        network
+            .parameters
+            .iter_mut()
+            .for_each(|p| *p += rng.random_range(-0.3..0.3));
+        (
+            network,
+            DMatrix::from_fn(3, n, |_, _| rng.random_range(-1.5..1.5)),
+        )
     }
 
     /// Numbers in -1..1.
@@ -270,12 +391,20 @@ pub(super) mod tests {
 
     /// `a + scale b`.
     pub(in crate::nn) fn moved(a: &[f64], scale: f64, b: &[f32]) -> Vec<f64> {
-        a.iter().zip(b).map(|(a, &b)| a + scale * f64::from(b)).collect()
+        a.iter()
+            .zip(b)
+            .map(|(a, &b)| a + scale * f64::from(b))
+            .collect()
     }
 
-    /// The output for one input by plain loops in f64: what the fast passes must agree with, and smooth enough for finite
-    /// differences: with steps of 1e-5 central differences err by 1e-10, from the third derivative and from rounding.
-    pub(in crate::nn) fn plain_output(widths: &[usize], parameters: &[f64], input: &[f32]) -> Vec<f64> {
+    /// The output for one input by plain loops in f64: what the fast passes must agree with, and
+    /// smooth enough for finite differences: with steps of 1e-5 central differences err by 1e-10,
+    /// from the third derivative and from rounding.
+    pub(in crate::nn) fn plain_output(
+        widths: &[usize],
+        parameters: &[f64],
+        input: &[f32],
+    ) -> Vec<f64> {
         let (mut activation, mut rest) = (widened(input), parameters);
         for (layer, shape) in widths.windows(2).enumerate() {
             let (weights, tail) = rest.split_at(shape[0] * shape[1]);
@@ -283,9 +412,15 @@ pub(super) mod tests {
             rest = tail;
             activation = (0..shape[1])
                 .map(|i| {
-                    let sum: f64 = (0..shape[0]).map(|j| weights[j * shape[1] + i] * activation[j]).sum();
+                    let sum: f64 = (0..shape[0])
+                        .map(|j| weights[j * shape[1] + i] * activation[j])
+                        .sum();
                     let sum = sum + biases[i];
-                    if layer + 2 == widths.len() { sum } else { sum.tanh() }
+                    if layer + 2 == widths.len() {
+                        sum
+                    } else {
+                        sum.tanh()
+                    }
                 })
                 .collect();
         }
@@ -298,7 +433,9 @@ pub(super) mod tests {
     #[test]
     #[should_panic(expected = "height of the network's inputs")]
     fn refuses_inputs_of_another_height() {
-        small(1).0.forward(&DMatrix::zeros(4, 1), &mut Pass::default());
+        small(1)
+            .0
+            .forward(&DMatrix::zeros(4, 1), &mut Pass::default());
     }
 
     #[test]
@@ -306,22 +443,41 @@ pub(super) mod tests {
     fn refuses_derivatives_without_a_forward_pass() {
         let (network, inputs) = small(2);
         let mut gradient = vec![0.0; network.parameters.len()];
-        network.vjp(&inputs, &mut Pass::default(), &DMatrix::zeros(2, 2), &mut gradient);
+        network.vjp(
+            &inputs,
+            &mut Pass::default(),
+            &DMatrix::zeros(2, 2),
+            &mut gradient,
+        );
     }
 
     #[test]
     fn initial_parameters_are_bounded_by_the_fan_in() {
-        let network = Mlp::new(&[4, 100, 9, 25], 0.01, &mut Seed(1).stream(Stream::Network, 0));
+        let network = Mlp::new(
+            &[4, 100, 9, 25],
+            0.01,
+            &mut Seed(1).stream(Stream::Network, 0),
+        );
         assert_eq!(network.parameters.len(), 5 * 100 + 101 * 9 + 10 * 25);
         let bounds = [0.5, 0.1, 0.01 / 3.0];
         for ((layer, (weights, biases)), bound) in network.layers().enumerate().zip(bounds) {
             let largest = weights.amax();
-            assert!(largest <= bound && largest > 0.95 * bound, "layer {layer}: {largest}");
+            assert!(
+                largest <= bound && largest > 0.95 * bound,
+                "layer {layer}: {largest}"
+            );
             assert!(weights.mean().abs() < 0.15 * bound);
             assert_eq!(biases.iter().all(|&b| b == 0.0), layer == 2);
             assert!(biases.iter().all(|b| b.abs() <= bound));
         }
-        assert_eq!(network, Mlp::new(&[4, 100, 9, 25], 0.01, &mut Seed(1).stream(Stream::Network, 0)));
+        assert_eq!(
+            network,
+            Mlp::new(
+                &[4, 100, 9, 25],
+                0.01,
+                &mut Seed(1).stream(Stream::Network, 0)
+            )
+        );
     }
 
     #[test]
@@ -330,8 +486,17 @@ pub(super) mod tests {
         let mut pass = Pass::default();
         network.forward(&inputs, &mut pass);
         for (input, output) in inputs.column_iter().zip(pass.output().column_iter()) {
-            let plain = plain_output(&network.widths, &widened(&network.parameters), input.as_slice());
-            assert!(output.iter().zip(&plain).all(|(&y, p)| (f64::from(y) - p).abs() < ROUNDING));
+            let plain = plain_output(
+                &network.widths,
+                &widened(&network.parameters),
+                input.as_slice(),
+            );
+            assert!(
+                output
+                    .iter()
+                    .zip(&plain)
+                    .all(|(&y, p)| (f64::from(y) - p).abs() < ROUNDING)
+            );
         }
     }
 
@@ -342,7 +507,14 @@ pub(super) mod tests {
         let inputs = DMatrix::from_fn(17, CHUNK + 70, |_, _| rng.random_range(-3.0..3.0));
         let (mut together, mut some) = (Pass::default(), Pass::default());
         network.forward(&inputs, &mut together);
-        for (start, n) in [(0, 1), (1, 2), (9, 5), (40, 8), (CHUNK - 3, 64), (CHUNK + 69, 1)] {
+        for (start, n) in [
+            (0, 1),
+            (1, 2),
+            (9, 5),
+            (40, 8),
+            (CHUNK - 3, 64),
+            (CHUNK + 69, 1),
+        ] {
             network.forward(&inputs.columns(start, n).into_owned(), &mut some);
             assert_eq!(some.output(), together.output().columns(start, n));
         }
@@ -353,7 +525,12 @@ pub(super) mod tests {
         let (network, inputs) = small(50);
         let mut pass = Pass::default();
         network.forward(&inputs, &mut pass);
-        let places = |pass: &Pass| pass.activations.iter().map(|a| a.as_ptr()).collect::<Vec<_>>();
+        let places = |pass: &Pass| {
+            pass.activations
+                .iter()
+                .map(|a| a.as_ptr())
+                .collect::<Vec<_>>()
+        };
         let before = places(&pass);
         network.forward(&inputs.columns(0, 3).into_owned(), &mut pass);
         assert_eq!(pass.output().shape(), (2, 3));
@@ -361,7 +538,12 @@ pub(super) mod tests {
         network.forward(&DMatrix::zeros(3, 0), &mut pass);
         assert_eq!(pass.output().shape(), (2, 0));
         let mut gradient = vec![f32::NAN; network.parameters.len()];
-        network.vjp(&DMatrix::zeros(3, 0), &mut pass, &DMatrix::zeros(2, 0), &mut gradient);
+        network.vjp(
+            &DMatrix::zeros(3, 0),
+            &mut pass,
+            &DMatrix::zeros(2, 0),
+            &mut gradient,
+        );
         assert!(gradient.iter().all(|&g| g == 0.0));
     }
 
@@ -376,7 +558,11 @@ pub(super) mod tests {
             let columns = inputs.column_iter().zip(cotangent.column_iter());
             let terms = columns.map(|(input, cotangent)| {
                 let output = plain_output(&network.widths, parameters, input.as_slice());
-                output.iter().zip(cotangent.iter()).map(|(y, &c)| y * f64::from(c)).sum::<f64>()
+                output
+                    .iter()
+                    .zip(cotangent.iter())
+                    .map(|(y, &c)| y * f64::from(c))
+                    .sum::<f64>()
             });
             terms.sum()
         };
@@ -389,7 +575,10 @@ pub(super) mod tests {
             let below = value(&parameters);
             parameters[i] = here;
             let slope = (above - below) / (2.0 * step);
-            assert!((f64::from(g) - slope).abs() < ROUNDING, "parameter {i}: {g}, {slope}");
+            assert!(
+                (f64::from(g) - slope).abs() < ROUNDING,
+                "parameter {i}: {g}, {slope}"
+            );
         }
     }
 
@@ -402,7 +591,13 @@ pub(super) mod tests {
         network.jvp(&inputs, &mut pass, &tangent, &mut output_tangent);
         let (parameters, step) = (widened(&network.parameters), 1e-5);
         for (input, tangents) in inputs.column_iter().zip(output_tangent.column_iter()) {
-            let at = |step| plain_output(&network.widths, &moved(&parameters, step, &tangent), input.as_slice());
+            let at = |step| {
+                plain_output(
+                    &network.widths,
+                    &moved(&parameters, step, &tangent),
+                    input.as_slice(),
+                )
+            };
             for ((above, below), &t) in at(step).iter().zip(at(-step)).zip(tangents.iter()) {
                 let slope = (above - below) / (2.0 * step);
                 assert!((f64::from(t) - slope).abs() < ROUNDING, "{t}, {slope}");
@@ -417,15 +612,22 @@ pub(super) mod tests {
         let cotangent = DMatrix::from_vec(2, n, numbers(2 * n, 2));
         let tangent = numbers(network.parameters.len(), 3);
         let mut pass = Pass::default();
-        let (mut gradient, mut output_tangent) = (vec![f32::NAN; tangent.len()], DMatrix::zeros(2, n));
+        let (mut gradient, mut output_tangent) =
+            (vec![f32::NAN; tangent.len()], DMatrix::zeros(2, n));
         network.forward(&inputs, &mut pass);
         network.jvp(&inputs, &mut pass, &tangent, &mut output_tangent);
         network.vjp(&inputs, &mut pass, &cotangent, &mut gradient);
         let forward = crate::solver::dot(output_tangent.as_slice(), cotangent.as_slice());
         let backward = crate::solver::dot(&tangent, &gradient);
         // 4,000 terms of order one, each with f32 rounding.
-        assert!((forward - backward).abs() < 1e-5 * n as f64, "{forward}, {backward}");
-        assert!(forward.abs() > 1.0, "a product of zero would prove nothing: {forward}");
+        assert!(
+            (forward - backward).abs() < 1e-5 * n as f64,
+            "{forward}, {backward}"
+        );
+        assert!(
+            forward.abs() > 1.0,
+            "a product of zero would prove nothing: {forward}"
+        );
     }
 
     #[test]
@@ -434,15 +636,21 @@ pub(super) mod tests {
         let (network, inputs) = small(n);
         let cotangent = DMatrix::from_vec(2, n, numbers(2 * n, 2));
         let gradient = |start, len| {
-            let (inputs, cotangent) = (inputs.columns(start, len).into_owned(), cotangent.columns(start, len).into());
-            let (mut pass, mut gradient) = (Pass::default(), vec![f32::NAN; network.parameters.len()]);
+            let (inputs, cotangent) = (
+                inputs.columns(start, len).into_owned(),
+                cotangent.columns(start, len).into(),
+            );
+            let (mut pass, mut gradient) =
+                (Pass::default(), vec![f32::NAN; network.parameters.len()]);
             network.forward(&inputs, &mut pass);
             network.vjp(&inputs, &mut pass, &cotangent, &mut gradient);
             gradient
         };
         let mut sum = gradient(0, CHUNK);
         for (start, len) in [(CHUNK, CHUNK), (2 * CHUNK, 77)] {
-            sum.iter_mut().zip(gradient(start, len)).for_each(|(sum, term)| *sum += term);
+            sum.iter_mut()
+                .zip(gradient(start, len))
+                .for_each(|(sum, term)| *sum += term);
         }
         assert_eq!(sum, gradient(0, n));
     }

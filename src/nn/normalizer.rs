@@ -14,37 +14,51 @@ pub struct Normalizer {
 }
 
 impl Normalizer {
-    /// Added to the standard deviation: a feature that never varied is 0 as long as it does not, and when it first moves,
-    /// the clip bounds it.
+    /// Added to the standard deviation: a feature that never varied is 0 as long as it does not,
+    /// and when it first moves, the clip bounds it.
     pub const EPSILON: f64 = 1e-8;
 
-    /// The weight of one column of a [`held`](Self::held) normaliser: so many that a run of 1e8 steps after a demonstration
-    /// of 100 moves mean and variance by a millionth of how far off it goes.
+    /// The weight of one column of a [`held`](Self::held) normaliser: so many that a run of 1e8
+    /// steps after a demonstration of 100 moves mean and variance by a millionth of how far off it
+    /// goes.
     pub const HELD: f64 = 1e12;
 
-    /// A normaliser of observations of `dim` numbers that has seen none: until it has seen two, it only clips.
-    /// Normalised numbers are clipped to `[-clip, clip]`.
+    /// A normaliser of observations of `dim` numbers that has seen none: until it has seen two, it
+    /// only clips. Normalised numbers are clipped to `[-clip, clip]`.
     pub fn new(dim: usize, clip: f64) -> Self {
-        Self { count: 0.0, mean: vec![0.0; dim], deviations: vec![0.0; dim], clip }
+        Self {
+            count: 0.0,
+            mean: vec![0.0; dim],
+            deviations: vec![0.0; dim],
+            clip,
+        }
     }
 
     /// A normaliser that has seen the columns of `observations` (`[dim x n]`), from the first on.
     pub fn from_columns(observations: &DMatrix<f64>, clip: f64) -> Self {
         let mut normalizer = Self::new(observations.nrows(), clip);
-        observations.as_slice().chunks_exact(observations.nrows().max(1)).for_each(|column| normalizer.update(column));
+        observations
+            .as_slice()
+            .chunks_exact(observations.nrows().max(1))
+            .for_each(|column| normalizer.update(column));
         normalizer
     }
 
-    /// A normaliser in units of the columns of `observations` (`[dim x n]`), for whatever is seen later too: each column counts
-    /// for [`HELD`](Self::HELD) observations. A number that never varies there keeps its own unit.
+    /// A normaliser in units of the columns of `observations` (`[dim x n]`), for whatever is seen
+    /// later too: each column counts for [`HELD`](Self::HELD) observations. A number that never
+    /// varies there keeps its own unit.
     pub fn held(observations: &DMatrix<f64>, clip: f64) -> Self {
         let mut normalizer = Self::from_columns(observations, clip);
         let count = normalizer.count * Self::HELD;
-        let variances = normalizer.std().into_iter().zip(&normalizer.mean).map(|(std, mean)| {
-            // What is left of a constant is the rounding of its mean.
-            let varies = std > 1e-12 * mean.abs().max(1.0);
-            if varies { std * std } else { 1.0 }
-        });
+        let variances = normalizer
+            .std()
+            .into_iter()
+            .zip(&normalizer.mean)
+            .map(|(std, mean)| {
+                // What is left of a constant is the rounding of its mean.
+                let varies = std > 1e-12 * mean.abs().max(1.0);
+                if varies { std * std } else { 1.0 }
+            });
         normalizer.deviations = variances.map(|variance| variance * (count - 1.0)).collect();
         normalizer.count = count;
         normalizer
@@ -52,9 +66,18 @@ impl Normalizer {
 
     /// Takes one raw observation (`[dim]`) into account.
     pub fn update(&mut self, observation: &[f64]) {
-        assert_eq!(observation.len(), self.mean.len(), "length of an observation");
+        assert_eq!(
+            observation.len(),
+            self.mean.len(),
+            "length of an observation"
+        );
         self.count += 1.0;
-        for ((mean, deviations), x) in self.mean.iter_mut().zip(&mut self.deviations).zip(observation) {
+        for ((mean, deviations), x) in self
+            .mean
+            .iter_mut()
+            .zip(&mut self.deviations)
+            .zip(observation)
+        {
             let from_old_mean = x - *mean;
             *mean += from_old_mean / self.count;
             *deviations += from_old_mean * (x - *mean);
@@ -63,8 +86,16 @@ impl Normalizer {
 
     /// Writes the normalised observation (`[dim]`): `(x - mean) / (std + EPSILON)`, clipped.
     pub fn normalize(&self, observation: &[f64], normalized: &mut [f32]) {
-        assert_eq!(observation.len(), self.mean.len(), "length of an observation");
-        assert_eq!(normalized.len(), self.mean.len(), "length of a normalised observation");
+        assert_eq!(
+            observation.len(),
+            self.mean.len(),
+            "length of an observation"
+        );
+        assert_eq!(
+            normalized.len(),
+            self.mean.len(),
+            "length of a normalised observation"
+        );
         if self.count < 2.0 {
             for (y, x) in normalized.iter_mut().zip(observation) {
                 *y = x.clamp(-self.clip, self.clip) as f32;
@@ -81,9 +112,11 @@ impl Normalizer {
     /// The normalised `observations` (`[dim x n]`).
     pub fn normalize_columns(&self, observations: &DMatrix<f64>) -> DMatrix<f32> {
         let mut normalized = DMatrix::zeros(observations.nrows(), observations.ncols());
-        for (raw, column) in
-            observations.column_iter().zip(normalized.as_mut_slice().chunks_exact_mut(observations.nrows()))
-        {
+        for (raw, column) in observations.column_iter().zip(
+            normalized
+                .as_mut_slice()
+                .chunks_exact_mut(observations.nrows()),
+        ) {
             self.normalize(raw.as_slice(), column);
         }
         normalized
@@ -99,7 +132,10 @@ impl Normalizer {
         if self.count < 2.0 {
             return vec![1.0; self.mean.len()];
         }
-        self.deviations.iter().map(|deviations| (deviations / (self.count - 1.0)).sqrt()).collect()
+        self.deviations
+            .iter()
+            .map(|deviations| (deviations / (self.count - 1.0)).sqrt())
+            .collect()
     }
 
     /// How many observations were seen.
@@ -117,7 +153,8 @@ impl Normalizer {
 mod tests {
     use super::*;
 
-    /// Observations whose third number never varies and whose second has a mean far larger than its deviation.
+    /// Observations whose third number never varies and whose second has a mean far larger than its
+    /// deviation.
     fn observations() -> DMatrix<f64> {
         DMatrix::from_fn(3, 500, |i, j| match i {
             0 => (j as f64 * 0.7).sin() * 3.0 - 1.0,
@@ -156,9 +193,14 @@ mod tests {
         for (i, row) in seen.row_iter().enumerate() {
             let mean = row.iter().sum::<f64>() / 500.0;
             let std = (row.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / 499.0).sqrt();
-            // The second feature's mean is 1e8 deviations away from zero: eight of sixteen digits are left.
+            // The second feature's mean is 1e8 deviations away from zero: eight of sixteen digits
+            // are left.
             assert!((normalizer.mean()[i] - mean).abs() <= 1e-13 * mean.abs() + 1e-15);
-            assert!((normalizer.std()[i] - std).abs() <= 1e-7 * std + 1e-12, "{} {std}", normalizer.std()[i]);
+            assert!(
+                (normalizer.std()[i] - std).abs() <= 1e-7 * std + 1e-12,
+                "{} {std}",
+                normalizer.std()[i]
+            );
         }
     }
 
@@ -183,7 +225,10 @@ mod tests {
     #[test]
     fn a_held_normaliser_keeps_its_units() {
         let seen = observations();
-        let (running, mut held) = (Normalizer::from_columns(&seen, 10.0), Normalizer::held(&seen, 10.0));
+        let (running, mut held) = (
+            Normalizer::from_columns(&seen, 10.0),
+            Normalizer::held(&seen, 10.0),
+        );
         let normalized = |normalizer: &Normalizer, x: &[f64]| {
             let mut y = [f32::NAN; 3];
             normalizer.normalize(x, &mut y);
@@ -191,12 +236,25 @@ mod tests {
         };
         let near = |a: [f32; 3], b: [f32; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-4);
         for x in seen.column_iter() {
-            assert!(near(normalized(&running, x.as_slice()), normalized(&held, x.as_slice())), "{x}");
+            assert!(
+                near(
+                    normalized(&running, x.as_slice()),
+                    normalized(&held, x.as_slice())
+                ),
+                "{x}"
+            );
         }
-        assert!((normalized(&held, &[0.0, 1e6, 5.0])[2] - 0.8).abs() < 1e-6, "a constant has its own unit");
+        assert!(
+            (normalized(&held, &[0.0, 1e6, 5.0])[2] - 0.8).abs() < 1e-6,
+            "a constant has its own unit"
+        );
         let (before, mut moving) = (held.clone(), running);
         for i in 0..100_000 {
-            let x = [30.0 * f64::from(i).sin(), 1e6 + f64::from(i % 7), 4.2 + f64::from(i % 3)];
+            let x = [
+                30.0 * f64::from(i).sin(),
+                1e6 + f64::from(i % 7),
+                4.2 + f64::from(i % 3),
+            ];
             held.update(&x);
             moving.update(&x);
         }

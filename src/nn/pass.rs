@@ -6,12 +6,13 @@ use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut};
 
 use crate::arithmetic::threads::{self, InOrder};
 
-/// Samples that pass together. Sums over samples run chunk by chunk in this order, each from zero, so that threads share
-/// the chunks and give the same bits. Large enough for the products' full rate, small enough for the cache.
+/// Samples that pass together. Sums over samples run chunk by chunk in this order, each from zero,
+/// so that threads share the chunks and give the same bits. Large enough for the products' full
+/// rate, small enough for the cache.
 pub(super) const CHUNK: usize = 128;
 
-/// Every layer's activations in a forward pass, kept for the derivatives, and room to work in. Reused between passes,
-/// it allocates only when a batch is larger than any before.
+/// Every layer's activations in a forward pass, kept for the derivatives, and room to work in.
+/// Reused between passes, it allocates only when a batch is larger than any before.
 #[derive(Debug, Clone, Default)]
 pub struct Pass {
     /// Samples of the last forward pass.
@@ -20,13 +21,14 @@ pub struct Pass {
     pub(super) output_dim: usize,
     /// Each layer's activations `[out x samples]`, and room beyond them for larger batches.
     pub(super) activations: Vec<Vec<f32>>,
-    /// Each layer's weights, transposed `[in x out]`: the way back reads them so, and the output layer forward too. Those of
-    /// the layers between are made when first needed.
+    /// Each layer's weights, transposed `[in x out]`: the way back reads them so, and the output
+    /// layer forward too. Those of the layers between are made when first needed.
     pub(super) transposed: Vec<Vec<f32>>,
-    /// Whether all of [`transposed`](Self::transposed) is that of the last forward pass's parameters.
+    /// Whether all of [`transposed`](Self::transposed) is that of the last forward pass's
+    /// parameters.
     pub(super) is_transposed: bool,
-    /// For each hidden layer but the last, the derivative of the outputs by its sums `[width x (output_dim x samples)]`,
-    /// sample by sample. Made when first needed.
+    /// For each hidden layer but the last, the derivative of the outputs by its sums `[width x
+    /// (output_dim x samples)]`, sample by sample. Made when first needed.
     pub(super) sensitivities: Vec<Vec<f32>>,
     /// Whether [`sensitivities`](Self::sensitivities) are those of the last forward pass.
     pub(super) is_sensitive: bool,
@@ -52,13 +54,18 @@ pub(super) struct Scratch {
 impl Pass {
     /// The output of the last forward pass `[out x n]`.
     pub fn output(&self) -> DMatrixView<'_, f32> {
-        let output = self.activations.last().map_or(&[][..], |output| &output[..self.output_dim * self.samples]);
+        let output = self
+            .activations
+            .last()
+            .map_or(&[][..], |output| &output[..self.output_dim * self.samples]);
         DMatrixView::from_slice(output, self.output_dim, self.samples)
     }
 
     /// Makes room for `samples` in a network of `widths`.
     pub(super) fn prepare(&mut self, widths: &[usize], samples: usize) {
-        let [_, hidden @ .., output] = widths else { unreachable!("a network has an input and an output") };
+        let [_, hidden @ .., output] = widths else {
+            unreachable!("a network has an input and an output")
+        };
         self.samples = samples;
         self.output_dim = *output;
         (self.is_transposed, self.is_sensitive) = (false, false);
@@ -72,7 +79,13 @@ impl Pass {
         }
         let threads = threads::count().min(samples.div_ceil(CHUNK)).max(1);
         self.rooms.resize_with(threads, Scratch::default);
-        for Scratch { hidden: rooms, output: room, output_weights, .. } in &mut self.rooms {
+        for Scratch {
+            hidden: rooms,
+            output: room,
+            output_weights,
+            ..
+        } in &mut self.rooms
+        {
             rooms.resize_with(hidden.len(), Vec::new);
             for (room, width) in rooms.iter_mut().zip(hidden) {
                 grow(room, width * samples.min(CHUNK));
@@ -82,10 +95,19 @@ impl Pass {
         }
     }
 
-    /// Asserts that the last forward pass was on as many samples, through a network of as many layers.
+    /// Asserts that the last forward pass was on as many samples, through a network of as many
+    /// layers.
     pub(super) fn check(&self, widths: &[usize], inputs: &DMatrix<f32>) {
-        assert_eq!(inputs.shape(), (widths[0], self.samples), "the inputs are those of the last forward pass");
-        assert_eq!(self.activations.len(), widths.len() - 1, "the last forward pass was this network's");
+        assert_eq!(
+            inputs.shape(),
+            (widths[0], self.samples),
+            "the inputs are those of the last forward pass"
+        );
+        assert_eq!(
+            self.activations.len(),
+            widths.len() - 1,
+            "the last forward pass was this network's"
+        );
     }
 }
 
@@ -109,13 +131,16 @@ impl<'a> Kept<'a> {
 
     /// The same, flat.
     pub(super) fn flat_input(&self, layer: usize) -> &'a [f32] {
-        let values = layer.checked_sub(1).map_or(self.inputs, |below| &self.activations[below]);
+        let values = layer
+            .checked_sub(1)
+            .map_or(self.inputs, |below| &self.activations[below]);
         columns(values, self.widths[layer], &self.chunk)
     }
 }
 
-/// Writes to `sum` what `add` adds for each chunk of `samples`, in their order, shared by as many threads as there are
-/// `rooms`. A thread's share starts from zero, as `add` itself must: then the bits are those of one thread.
+/// Writes to `sum` what `add` adds for each chunk of `samples`, in their order, shared by as many
+/// threads as there are `rooms`. A thread's share starts from zero, as `add` itself must: then the
+/// bits are those of one thread.
 pub(super) fn sum_over_chunks(
     samples: usize,
     rooms: &mut [Scratch],
@@ -128,36 +153,51 @@ pub(super) fn sum_over_chunks(
     }
     let len = sum.len();
     let sum = InOrder::new(sum);
-    threads::share(rooms, chunks(samples).enumerate(), |room, (number, chunk)| {
-        let mut share = mem::take(&mut room.share);
-        let make = || {
-            share.clear();
-            share.resize(len, 0.0);
-            add(chunk, room, &mut share);
-            share
-        };
-        room.share = sum.in_turn(number, make, |sum, share| {
-            sum.iter_mut().zip(&share).for_each(|(sum, x)| *sum += x);
-            share
-        });
-    });
+    threads::share(
+        rooms,
+        chunks(samples).enumerate(),
+        |room, (number, chunk)| {
+            let mut share = mem::take(&mut room.share);
+            let make = || {
+                share.clear();
+                share.resize(len, 0.0);
+                add(chunk, room, &mut share);
+                share
+            };
+            room.share = sum.in_turn(number, make, |sum, share| {
+                sum.iter_mut().zip(&share).for_each(|(sum, x)| *sum += x);
+                share
+            });
+        },
+    );
 }
 
-/// Cuts matrices of `heights`, one column a sample, at the chunks of `size` samples: what each chunk has of each.
+/// Cuts matrices of `heights`, one column a sample, at the chunks of `size` samples: what each
+/// chunk has of each.
 pub(super) fn cut<'a>(
     matrices: impl Iterator<Item = (&'a mut Vec<f32>, usize)>,
     samples: usize,
     size: usize,
 ) -> impl Iterator<Item = (Range<usize>, Vec<&'a mut [f32]>)> {
-    let mut pieces: Vec<_> =
-        matrices.map(|(values, height)| values[..height * samples].chunks_mut(height * size)).collect();
-    let ranges = (0..samples).step_by(size).map(move |start| start..samples.min(start + size));
-    ranges.map(move |range| (range, pieces.iter_mut().filter_map(Iterator::next).collect()))
+    let mut pieces: Vec<_> = matrices
+        .map(|(values, height)| values[..height * samples].chunks_mut(height * size))
+        .collect();
+    let ranges = (0..samples)
+        .step_by(size)
+        .map(move |start| start..samples.min(start + size));
+    ranges.map(move |range| {
+        (
+            range,
+            pieces.iter_mut().filter_map(Iterator::next).collect(),
+        )
+    })
 }
 
 /// Where `samples` are cut.
 pub(super) fn chunks(samples: usize) -> impl Iterator<Item = Range<usize>> {
-    (0..samples).step_by(CHUNK).map(move |start| start..samples.min(start + CHUNK))
+    (0..samples)
+        .step_by(CHUNK)
+        .map(move |start| start..samples.min(start + CHUNK))
 }
 
 /// Columns `range` of a matrix of `height`, flat.
@@ -166,7 +206,11 @@ pub(super) fn columns<'a>(values: &'a [f32], height: usize, range: &Range<usize>
 }
 
 /// The same, to be written.
-pub(super) fn columns_mut<'a>(values: &'a mut [f32], height: usize, range: &Range<usize>) -> &'a mut [f32] {
+pub(super) fn columns_mut<'a>(
+    values: &'a mut [f32],
+    height: usize,
+    range: &Range<usize>,
+) -> &'a mut [f32] {
     &mut values[height * range.start..height * range.end]
 }
 

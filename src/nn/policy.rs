@@ -1,5 +1,5 @@
-//! The diagonal Gaussian policy: a network's mean, and a standard deviation that does not depend on the state (the authors'
-//! later code has one that does; the paper is silent).
+//! The diagonal Gaussian policy: a network's mean, and a standard deviation that does not depend on
+//! the state (the authors' later code has one that does; the paper is silent).
 
 use nalgebra::{DMatrix, DMatrixView};
 use serde::{Deserialize, Serialize};
@@ -10,7 +10,8 @@ use crate::rng::Rng;
 /// ln(2 pi).
 const LN_2_PI: f64 = 1.837_877_066_409_345_3;
 
-/// `pi(a|s) = N(mean(s), diag(exp(2 log_std)))`. Its parameters are the network's, then `log_std` (`[action_dim]`).
+/// `pi(a|s) = N(mean(s), diag(exp(2 log_std)))`. Its parameters are the network's, then `log_std`
+/// (`[action_dim]`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct GaussianPolicy {
     mean: Mlp,
@@ -18,10 +19,20 @@ pub struct GaussianPolicy {
 }
 
 impl GaussianPolicy {
-    /// A policy whose mean starts near zero (output weights times 0.1) and whose standard deviation is `std`.
-    pub fn new(observation_dim: usize, hidden: &[usize], action_dim: usize, std: f64, rng: &mut Rng) -> Self {
+    /// A policy whose mean starts near zero (output weights times 0.1) and whose standard deviation
+    /// is `std`.
+    pub fn new(
+        observation_dim: usize,
+        hidden: &[usize],
+        action_dim: usize,
+        std: f64,
+        rng: &mut Rng,
+    ) -> Self {
         let widths = [&[observation_dim], hidden, &[action_dim]].concat();
-        Self { mean: Mlp::new(&widths, 0.1, rng), log_std: vec![std.ln() as f32; action_dim] }
+        Self {
+            mean: Mlp::new(&widths, 0.1, rng),
+            log_std: vec![std.ln() as f32; action_dim],
+        }
     }
 
     /// The mean's network.
@@ -56,17 +67,33 @@ impl GaussianPolicy {
         self.log_std.copy_from_slice(log_std);
     }
 
-    /// Runs normalised observations (`[observation_dim x n]`) through the mean's network; the means are in
+    /// Runs normalised observations (`[observation_dim x n]`) through the mean's network; the means
+    /// are in
     /// [`Pass::output`].
     pub fn forward(&self, observations: &DMatrix<f32>, pass: &mut Pass) {
         self.mean.forward(observations, pass);
     }
 
-    /// Writes `log pi(a|s)` of each column of `actions` (`[action_dim x n]`) under `means` to `densities` (`[n]`).
-    pub fn log_densities(&self, means: DMatrixView<'_, f32>, actions: &DMatrix<f32>, densities: &mut [f64]) {
+    /// Writes `log pi(a|s)` of each column of `actions` (`[action_dim x n]`) under `means` to
+    /// `densities` (`[n]`).
+    pub fn log_densities(
+        &self,
+        means: DMatrixView<'_, f32>,
+        actions: &DMatrix<f32>,
+        densities: &mut [f64],
+    ) {
         assert_eq!(means.shape(), actions.shape(), "shape of the actions");
-        assert_eq!(densities.len(), actions.ncols(), "a density for each action");
-        densities.fill(self.log_std.iter().map(|&log_std| -f64::from(log_std) - 0.5 * LN_2_PI).sum());
+        assert_eq!(
+            densities.len(),
+            actions.ncols(),
+            "a density for each action"
+        );
+        densities.fill(
+            self.log_std
+                .iter()
+                .map(|&log_std| -f64::from(log_std) - 0.5 * LN_2_PI)
+                .sum(),
+        );
         for (j, inverse_std) in self.inverse_std().enumerate() {
             for (i, density) in densities.iter_mut().enumerate() {
                 let z = (f64::from(actions[(j, i)]) - f64::from(means[(j, i)])) * inverse_std;
@@ -75,8 +102,9 @@ impl GaussianPolicy {
         }
     }
 
-    /// Writes the gradient (`[dim]`) of the sum over samples of `weights[i] * log pi(a_i|s_i)`, the score function's sum.
-    /// `pass` is that of the last [`forward`](GaussianPolicy::forward) on `observations`.
+    /// Writes the gradient (`[dim]`) of the sum over samples of `weights[i] * log pi(a_i|s_i)`, the
+    /// score function's sum. `pass` is that of the last [`forward`](GaussianPolicy::forward) on
+    /// `observations`.
     pub fn score(
         &self,
         observations: &DMatrix<f32>,
@@ -103,7 +131,8 @@ impl GaussianPolicy {
         self.mean.vjp(observations, pass, &cotangent, by_mean);
     }
 
-    /// Writes the gradient (`[dim]`, zero in `log_std`) of the sum over samples of `cotangent . mean`.
+    /// Writes the gradient (`[dim]`, zero in `log_std`) of the sum over samples of `cotangent .
+    /// mean`.
     pub fn mean_gradient(
         &self,
         observations: &DMatrix<f32>,
@@ -116,17 +145,25 @@ impl GaussianPolicy {
         by_log_std.fill(0.0);
     }
 
-    /// The mean over samples of `KL(old || self)`, where `means` are this policy's on the same observations (one
-    /// or more).
-    pub fn kl_from(&self, old_means: DMatrixView<'_, f32>, old_log_std: &[f32], means: DMatrixView<'_, f32>) -> f64 {
+    /// The mean over samples of `KL(old || self)`, where `means` are this policy's on the same
+    /// observations (one or more).
+    pub fn kl_from(
+        &self,
+        old_means: DMatrixView<'_, f32>,
+        old_log_std: &[f32],
+        means: DMatrixView<'_, f32>,
+    ) -> f64 {
         assert_eq!(means.shape(), old_means.shape(), "shape of the means");
         assert_eq!(old_log_std.len(), self.log_std.len(), "length of log_std");
-        // KL = log(std / old_std) + (old_std^2 + (old_mean - mean)^2) / (2 std^2) - 1/2, summed over the action's numbers.
+        // KL = log(std / old_std) + (old_std^2 + (old_mean - mean)^2) / (2 std^2) - 1/2, summed
+        // over the action's numbers.
         let samples = means.ncols();
         let mut kl = 0.0;
         for (j, (inverse_std, &old)) in self.inverse_std().zip(old_log_std).enumerate() {
             let log_ratio = f64::from(old) - f64::from(self.log_std[j]);
-            let square = |i| ((f64::from(old_means[(j, i)]) - f64::from(means[(j, i)])) * inverse_std).powi(2);
+            let square = |i| {
+                ((f64::from(old_means[(j, i)]) - f64::from(means[(j, i)])) * inverse_std).powi(2)
+            };
             let mean_square = (0..samples).map(square).sum::<f64>() / samples as f64;
             kl += 0.5 * ((2.0 * log_ratio).exp_m1() + mean_square) - log_ratio;
         }
@@ -135,12 +172,17 @@ impl GaussianPolicy {
 
     /// The entropy in nats, the same in every state.
     pub fn entropy(&self) -> f64 {
-        self.log_std.iter().map(|&log_std| f64::from(log_std) + 0.5 * (1.0 + LN_2_PI)).sum()
+        self.log_std
+            .iter()
+            .map(|&log_std| f64::from(log_std) + 0.5 * (1.0 + LN_2_PI))
+            .sum()
     }
 
     /// `1 / std` `[action_dim]`.
     pub(super) fn inverse_std(&self) -> impl Iterator<Item = f64> {
-        self.log_std.iter().map(|&log_std| (-f64::from(log_std)).exp())
+        self.log_std
+            .iter()
+            .map(|&log_std| (-f64::from(log_std)).exp())
     }
 }
 
@@ -153,11 +195,19 @@ pub(super) mod tests {
 
     pub(in crate::nn) const N: usize = 40;
 
-    /// A small policy with two different standard deviations, observations, and actions near the means.
+    /// A small policy with two different standard deviations, observations, and actions near the
+    /// means.
     pub(in crate::nn) fn problem() -> (GaussianPolicy, DMatrix<f32>, DMatrix<f32>) {
         let (mean, observations) = small(N);
         let actions = DMatrix::from_vec(2, N, numbers(2 * N, 7));
-        (GaussianPolicy { mean, log_std: vec![-0.7, 0.3] }, observations, actions)
+        (
+            GaussianPolicy {
+                mean,
+                log_std: vec![-0.7, 0.3],
+            },
+            observations,
+            actions,
+        )
     }
 
     /// By plain loops in f64, the means `[action_dim]` of each observation, and log_std.
@@ -167,9 +217,13 @@ pub(super) mod tests {
         observations: &DMatrix<f32>,
     ) -> (Vec<Vec<f64>>, Vec<f64>) {
         let (network, log_std) = parameters.split_at(parameters.len() - policy.log_std.len());
-        let mean =
-            |column: nalgebra::DVectorView<'_, f32>| plain_output(policy.mean.widths(), network, column.as_slice());
-        (observations.column_iter().map(mean).collect(), log_std.to_vec())
+        let mean = |column: nalgebra::DVectorView<'_, f32>| {
+            plain_output(policy.mean.widths(), network, column.as_slice())
+        };
+        (
+            observations.column_iter().map(mean).collect(),
+            log_std.to_vec(),
+        )
     }
 
     fn plain_log_density(mean: &[f64], log_std: &[f64], action: &[f32]) -> f64 {
@@ -183,10 +237,18 @@ pub(super) mod tests {
 
     /// One-dimensional policies whose densities can be integrated by a sum, and a grid to do it on.
     fn integrable(mean: f32, std: f64) -> (GaussianPolicy, DMatrix<f32>) {
-        let mut policy =
-            GaussianPolicy::new(1, &[], 1, std, &mut crate::rng::Seed(1).stream(crate::rng::Stream::Network, 0));
+        let mut policy = GaussianPolicy::new(
+            1,
+            &[],
+            1,
+            std,
+            &mut crate::rng::Seed(1).stream(crate::rng::Stream::Network, 0),
+        );
         policy.mean.parameters_mut().copy_from_slice(&[0.0, mean]);
-        (policy, DMatrix::from_fn(1, 20_001, |_, i| (i as f32 - 10_000.0) * 1e-3))
+        (
+            policy,
+            DMatrix::from_fn(1, 20_001, |_, i| (i as f32 - 10_000.0) * 1e-3),
+        )
     }
 
     fn densities_on(policy: &GaussianPolicy, actions: &DMatrix<f32>) -> Vec<f64> {
@@ -218,7 +280,10 @@ pub(super) mod tests {
         policy.log_densities(pass.output(), &actions, &mut densities);
         let (means, log_std) = plain(&policy, &widened(&policy.parameters()), &observations);
         for ((density, mean), action) in densities.iter().zip(&means).zip(actions.column_iter()) {
-            assert!((density - plain_log_density(mean, &log_std, action.as_slice())).abs() < ROUNDING * 10.0);
+            assert!(
+                (density - plain_log_density(mean, &log_std, action.as_slice())).abs()
+                    < ROUNDING * 10.0
+            );
         }
     }
 
@@ -239,11 +304,21 @@ pub(super) mod tests {
     fn kl_agrees_with_its_integral_and_is_zero_from_itself() {
         let ((old, grid), (new, _)) = (integrable(0.4, 0.8), integrable(-0.3, 1.3));
         let (p, q) = (densities_on(&old, &grid), densities_on(&new, &grid));
-        let integral: f64 = p.iter().zip(&q).map(|(p, q)| p.exp() * (p - q) * 1e-3).sum();
-        let (old_mean, new_mean) = (DMatrix::from_element(1, 3, 0.4f32), DMatrix::from_element(1, 3, -0.3f32));
+        let integral: f64 = p
+            .iter()
+            .zip(&q)
+            .map(|(p, q)| p.exp() * (p - q) * 1e-3)
+            .sum();
+        let (old_mean, new_mean) = (
+            DMatrix::from_element(1, 3, 0.4f32),
+            DMatrix::from_element(1, 3, -0.3f32),
+        );
         let kl = new.kl_from(old_mean.as_view(), old.log_std(), new_mean.as_view());
         assert!((kl - integral).abs() < 1e-5, "{kl}, {integral}");
-        assert_eq!(new.kl_from(new_mean.as_view(), new.log_std(), new_mean.as_view()), 0.0);
+        assert_eq!(
+            new.kl_from(new_mean.as_view(), new.log_std(), new_mean.as_view()),
+            0.0
+        );
     }
 
     #[test]
@@ -256,15 +331,22 @@ pub(super) mod tests {
         let value = |parameters: &[f64]| -> f64 {
             let (means, log_std) = plain(&policy, parameters, &observations);
             let columns = means.iter().zip(actions.column_iter()).zip(&weights);
-            columns.map(|((mean, action), w)| w * plain_log_density(mean, &log_std, action.as_slice())).sum()
+            columns
+                .map(|((mean, action), w)| w * plain_log_density(mean, &log_std, action.as_slice()))
+                .sum()
         };
         let parameters = widened(&policy.parameters());
         for (i, &g) in gradient.iter().enumerate() {
             let mut unit = vec![0.0; policy.dim()];
             unit[i] = 1.0;
-            let slope = (value(&moved(&parameters, 1e-5, &unit)) - value(&moved(&parameters, -1e-5, &unit))) / 2e-5;
+            let slope = (value(&moved(&parameters, 1e-5, &unit))
+                - value(&moved(&parameters, -1e-5, &unit)))
+                / 2e-5;
             // 40 terms of order one.
-            assert!((f64::from(g) - slope).abs() < 20.0 * ROUNDING, "parameter {i}: {g}, {slope}");
+            assert!(
+                (f64::from(g) - slope).abs() < 20.0 * ROUNDING,
+                "parameter {i}: {g}, {slope}"
+            );
         }
     }
 
@@ -275,7 +357,9 @@ pub(super) mod tests {
         policy.forward(&observations, &mut pass);
         policy.mean_gradient(&observations, &mut pass, &cotangent, &mut gradient);
         let mut of_network = vec![f32::NAN; policy.dim() - 2];
-        policy.mean.vjp(&observations, &mut pass, &cotangent, &mut of_network);
+        policy
+            .mean
+            .vjp(&observations, &mut pass, &cotangent, &mut of_network);
         assert_eq!(gradient, [&of_network[..], &[0.0, 0.0]].concat());
     }
 }

@@ -28,15 +28,26 @@ pub(crate) enum Cell {
 impl Cells {
     /// `values` at the rows where one is `there`, of which there must be as many.
     pub(super) fn new(values: Values, unsigned: bool, there: &[bool]) -> Self {
-        fn spread<T, U>(values: Vec<T>, there: &[bool], as_cell: impl Fn(T) -> U) -> Vec<Option<U>> {
+        fn spread<T, U>(
+            values: Vec<T>,
+            there: &[bool],
+            as_cell: impl Fn(T) -> U,
+        ) -> Vec<Option<U>> {
             let mut values = values.into_iter().map(as_cell);
-            there.iter().map(|&there| if there { values.next() } else { None }).collect()
+            there
+                .iter()
+                .map(|&there| if there { values.next() } else { None })
+                .collect()
         }
         match values {
             Values::Bool(values) => Self::Truths(spread(values, there, |value| value)),
-            Values::I32(values) if unsigned => Self::Unsigned(spread(values, there, |value| u64::from(value as u32))),
+            Values::I32(values) if unsigned => {
+                Self::Unsigned(spread(values, there, |value| u64::from(value as u32)))
+            }
             Values::I32(values) => Self::Signed(spread(values, there, i64::from)),
-            Values::I64(values) if unsigned => Self::Unsigned(spread(values, there, |value| value as u64)),
+            Values::I64(values) if unsigned => {
+                Self::Unsigned(spread(values, there, |value| value as u64))
+            }
             Values::I64(values) => Self::Signed(spread(values, there, |value| value)),
             Values::F32(values) => Self::Numbers(spread(values, there, f64::from)),
             Values::F64(values) => Self::Numbers(spread(values, there, |value| value)),
@@ -58,7 +69,11 @@ impl Cells {
     /// The cell of `row`; [`Cell::Null`] beyond the last one too.
     pub(crate) fn get(&self, row: usize) -> Cell {
         fn of<T: Clone>(cells: &[Option<T>], row: usize, as_cell: fn(T) -> Cell) -> Cell {
-            cells.get(row).cloned().flatten().map_or(Cell::Null, as_cell)
+            cells
+                .get(row)
+                .cloned()
+                .flatten()
+                .map_or(Cell::Null, as_cell)
         }
         match self {
             Self::Truths(cells) => of(cells, row, Cell::Truth),
@@ -73,8 +88,18 @@ impl Cells {
     pub(crate) fn numbers(self) -> Option<Vec<Option<f64>>> {
         match self {
             Self::Numbers(cells) => Some(cells),
-            Self::Signed(cells) => Some(cells.into_iter().map(|cell| cell.map(|number| number as f64)).collect()),
-            Self::Unsigned(cells) => Some(cells.into_iter().map(|cell| cell.map(|number| number as f64)).collect()),
+            Self::Signed(cells) => Some(
+                cells
+                    .into_iter()
+                    .map(|cell| cell.map(|number| number as f64))
+                    .collect(),
+            ),
+            Self::Unsigned(cells) => Some(
+                cells
+                    .into_iter()
+                    .map(|cell| cell.map(|number| number as f64))
+                    .collect(),
+            ),
             Self::Truths(_) | Self::Texts(_) => None,
         }
     }

@@ -75,7 +75,9 @@ impl Footer {
         if !file.starts_with(b"PAR1") || length > described.len() || length > MAX_FOOTER {
             return Err(no_parquet());
         }
-        let mut reader = Reader { rest: &described[described.len() - length..] };
+        let mut reader = Reader {
+            rest: &described[described.len() - length..],
+        };
         let (mut nodes, mut groups, mut notes, mut rows) = (vec![], vec![], vec![], 0);
         reader.structure(|reader, id, kind| {
             match (id, kind) {
@@ -88,11 +90,23 @@ impl Footer {
             Ok(())
         })?;
         let leaves = leaves(&nodes)?;
-        if let Some(group) = groups.iter().find(|group| group.chunks.len() != leaves.len()) {
-            return Err(format!("a row group has {} columns instead of {}", group.chunks.len(), leaves.len()));
+        if let Some(group) = groups
+            .iter()
+            .find(|group| group.chunks.len() != leaves.len())
+        {
+            return Err(format!(
+                "a row group has {} columns instead of {}",
+                group.chunks.len(),
+                leaves.len()
+            ));
         }
         let rows = usize::try_from(rows).map_err(|_| format!("it claims {rows} rows"))?;
-        Ok(Self { leaves, groups, rows, notes })
+        Ok(Self {
+            leaves,
+            groups,
+            rows,
+            notes,
+        })
     }
 }
 
@@ -125,7 +139,11 @@ fn row_group(reader: &mut Reader<'_>) -> Result<RowGroup, String> {
 }
 
 fn chunk(reader: &mut Reader<'_>) -> Result<Chunk, String> {
-    let mut chunk = Chunk { codec: -1, values: -1, offset: -1 };
+    let mut chunk = Chunk {
+        codec: -1,
+        values: -1,
+        offset: -1,
+    };
     let mut dictionary = None;
     reader.structure(|reader, id, kind| match (id, kind) {
         (3, Kind::Struct) => reader.structure(|reader, id, kind| {
@@ -141,7 +159,9 @@ fn chunk(reader: &mut Reader<'_>) -> Result<Chunk, String> {
         _ => reader.skip(kind),
     })?;
     // Some writers note a dictionary at 0 where there is none.
-    chunk.offset = dictionary.filter(|&offset| offset > 0).map_or(chunk.offset, |offset| offset.min(chunk.offset));
+    chunk.offset = dictionary
+        .filter(|&offset| offset > 0)
+        .map_or(chunk.offset, |offset| offset.min(chunk.offset));
     Ok(chunk)
 }
 
@@ -171,7 +191,8 @@ fn leaves(nodes: &[Node]) -> Result<Vec<Leaf>, String> {
         while open.last().is_some_and(|group| group.0 == 0) {
             open.pop();
         }
-        let (left, definition, repetition, column, plain) = open.last_mut().ok_or("its schema has too many nodes")?;
+        let (left, definition, repetition, column, plain) =
+            open.last_mut().ok_or("its schema has too many nodes")?;
         *left -= 1;
         let max_definition = *definition + u32::from(node.repetition != REQUIRED);
         let max_repetition = *repetition + u32::from(node.repetition == REPEATED);
@@ -181,7 +202,13 @@ fn leaves(nodes: &[Node]) -> Result<Vec<Leaf>, String> {
             if open.len() > 8 {
                 return Err("its columns nest too deep".into());
             }
-            open.push((node.children, max_definition, max_repetition, Some(column), plain && node.children == 1));
+            open.push((
+                node.children,
+                max_definition,
+                max_repetition,
+                Some(column),
+                plain && node.children == 1,
+            ));
             continue;
         }
         let physical = match node.physical {
@@ -196,7 +223,14 @@ fn leaves(nodes: &[Node]) -> Result<Vec<Leaf>, String> {
         };
         let plain = plain && (max_repetition == 1 || open.len() == 1);
         let unsigned = UNSIGNED.contains(&node.converted);
-        leaves.push(Leaf { column, physical, unsigned, max_definition, max_repetition, plain });
+        leaves.push(Leaf {
+            column,
+            physical,
+            unsigned,
+            max_definition,
+            max_repetition,
+            plain,
+        });
     }
     if open.iter().any(|group| group.0 != 0) {
         return Err("its schema ends too early".into());

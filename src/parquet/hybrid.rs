@@ -22,9 +22,12 @@ pub(super) fn hybrid(bytes: &[u8], width: u32, n: usize) -> Result<Vec<u32>, Str
             let run = usize::try_from(header >> 1).map_or(left, |run| run.min(left));
             numbers.resize(numbers.len() + run, u32::from_le_bytes(word));
         } else {
-            let packed = usize::try_from(header >> 1).map_or(left, |groups| groups.saturating_mul(8).min(left));
+            let packed = usize::try_from(header >> 1)
+                .map_or(left, |groups| groups.saturating_mul(8).min(left));
             // The last group may be cut where no number is left.
-            let stored = (header >> 1).saturating_mul(u64::from(width)).min(reader.rest.len() as u64);
+            let stored = (header >> 1)
+                .saturating_mul(u64::from(width))
+                .min(reader.rest.len() as u64);
             let stored = reader.take(stored as usize)?;
             if (stored.len() as u64) * 8 < packed as u64 * u64::from(width) {
                 return Err("a page ends too early".into());
@@ -39,6 +42,9 @@ pub(super) fn hybrid(bytes: &[u8], width: u32, n: usize) -> Result<Vec<u32>, Str
 fn bits(bytes: &[u8], start: u64, width: u32) -> u32 {
     let first = (start / 8) as usize;
     let last = bytes.len().min(first + 5);
-    let word = bytes[first..last].iter().rev().fold(0u64, |word, &byte| word << 8 | u64::from(byte));
+    let word = bytes[first..last]
+        .iter()
+        .rev()
+        .fold(0u64, |word, &byte| word << 8 | u64::from(byte));
     (word >> (start % 8) & ((1u64 << width) - 1)) as u32
 }

@@ -37,17 +37,23 @@ struct Page {
 
 impl Page {
     fn read(reader: &mut Reader<'_>) -> Result<Self, String> {
-        let mut page = Self { compressed: true, ..Self::default() };
+        let mut page = Self {
+            compressed: true,
+            ..Self::default()
+        };
         reader.structure(|reader, id, kind| {
             match (id, kind) {
                 (1, Kind::Int) => page.kind = reader.int()?,
                 (2, Kind::Int) => page.size = reader.int()?,
                 (3, Kind::Int) => page.compressed_size = reader.int()?,
-                // The headers of data, dictionary and version 2 data pages; a page has the one of its kind.
+                // The headers of data, dictionary and version 2 data pages; a page has the one of
+                // its kind.
                 (5 | 7 | 8, Kind::Struct) => reader.structure(|reader, field, kind| {
                     match (id, field, kind) {
                         (_, 1, Kind::Int) => page.values = reader.int()?,
-                        (5 | 7, 2, Kind::Int) | (8, 4, Kind::Int) => page.encoding = reader.int()?,
+                        (5 | 7, 2, Kind::Int) | (8, 4, Kind::Int) => {
+                            page.encoding = reader.int()?
+                        }
                         (8, 5, Kind::Int) => page.definition_bytes = reader.int()?,
                         (8, 6, Kind::Int) => page.repetition_bytes = reader.int()?,
                         (8, 7, Kind::Bool(compressed)) => page.compressed = compressed,
@@ -71,8 +77,12 @@ pub(super) fn read_chunk(
     budget: &mut Budget,
     column: &mut Column,
 ) -> Result<(), String> {
-    let start = usize::try_from(chunk.offset).ok().filter(|&start| start < file.len());
-    let mut reader = Reader { rest: &file[start.ok_or("a column lies outside the file")?..] };
+    let start = usize::try_from(chunk.offset)
+        .ok()
+        .filter(|&start| start < file.len());
+    let mut reader = Reader {
+        rest: &file[start.ok_or("a column lies outside the file")?..],
+    };
     let claimed = size(chunk.values)?;
     let mut dictionary = None;
     let mut held = 0;
@@ -91,7 +101,15 @@ pub(super) fn read_chunk(
                 if held > claimed {
                     return Err(format!("a column claims {claimed} values and has more"));
                 }
-                data_page(leaf, chunk, &page, stored, dictionary.as_ref(), budget, column)?;
+                data_page(
+                    leaf,
+                    chunk,
+                    &page,
+                    stored,
+                    dictionary.as_ref(),
+                    budget,
+                    column,
+                )?;
             }
             2 => {
                 let bytes = decompress(chunk.codec, stored, size(page.size)?)?;
@@ -116,7 +134,8 @@ fn data_page(
     column: &mut Column,
 ) -> Result<(), String> {
     let n = size(page.values)?;
-    let (definition_width, repetition_width) = (width(leaf.max_definition), width(leaf.max_repetition));
+    let (definition_width, repetition_width) =
+        (width(leaf.max_definition), width(leaf.max_repetition));
     let decompressed;
     let (repetitions, definitions, rest) = if page.kind == 3 {
         let mut levels = Reader { rest: stored };
@@ -124,14 +143,26 @@ fn data_page(
         let definitions = levels.take(size(page.definition_bytes)?)?;
         let before = repetitions.len() + definitions.len();
         let codec = if page.compressed { chunk.codec } else { 0 };
-        let rest = size(page.size)?.checked_sub(before).ok_or("a page's levels are larger than the page")?;
+        let rest = size(page.size)?
+            .checked_sub(before)
+            .ok_or("a page's levels are larger than the page")?;
         decompressed = decompress(codec, levels.rest, rest)?;
         (repetitions, definitions, decompressed.as_slice())
     } else {
         decompressed = decompress(chunk.codec, stored, size(page.size)?)?;
-        let mut levels = Reader { rest: &decompressed };
-        let repetitions = if leaf.max_repetition > 0 { levels.prefixed()? } else { &[] };
-        let definitions = if leaf.max_definition > 0 { levels.prefixed()? } else { &[] };
+        let mut levels = Reader {
+            rest: &decompressed,
+        };
+        let repetitions = if leaf.max_repetition > 0 {
+            levels.prefixed()?
+        } else {
+            &[]
+        };
+        let definitions = if leaf.max_definition > 0 {
+            levels.prefixed()?
+        } else {
+            &[]
+        };
         (repetitions, definitions, levels.rest)
     };
     let definitions = hybrid(definitions, definition_width, n)?;
@@ -148,7 +179,10 @@ fn data_page(
             if level == 0 {
                 column.lengths.push(0);
             }
-            *column.lengths.last_mut().ok_or("a column begins within a row")? += 1;
+            *column
+                .lengths
+                .last_mut()
+                .ok_or("a column begins within a row")? += 1;
         }
     }
     match page.encoding {
@@ -157,7 +191,11 @@ fn data_page(
         2 | 8 => {
             let dictionary = dictionary.ok_or("a page has no dictionary")?;
             let (&width, indices) = rest.split_first().ok_or("a page ends too early")?;
-            column.values.extend_from(dictionary, &hybrid(indices, u32::from(width), n_there)?, budget)
+            column.values.extend_from(
+                dictionary,
+                &hybrid(indices, u32::from(width), n_there)?,
+                budget,
+            )
         }
         3 => match &mut column.values {
             Values::Bool(values) => {
@@ -167,7 +205,9 @@ fn data_page(
             }
             _ => Err("numbers are stored as runs".into()),
         },
-        other => Err(format!("numbers are stored in Parquet's encoding {other}; plain and dictionary are read")),
+        other => Err(format!(
+            "numbers are stored in Parquet's encoding {other}; plain and dictionary are read"
+        )),
     }
 }
 
@@ -188,25 +228,35 @@ fn decompress(codec: i64, stored: &[u8], size: usize) -> Result<Vec<u8>, String>
         _ if size == 0 => Vec::new(),
         0 => stored.to_vec(),
         1 => {
-            let length = snap::raw::decompress_len(stored).map_err(|error| damaged(error.to_string()))?;
+            let length =
+                snap::raw::decompress_len(stored).map_err(|error| damaged(error.to_string()))?;
             if length != size {
                 return Err(damaged(format!("it has {length} bytes instead of {size}")));
             }
-            snap::raw::Decoder::new().decompress_vec(stored).map_err(|error| damaged(error.to_string()))?
+            snap::raw::Decoder::new()
+                .decompress_vec(stored)
+                .map_err(|error| damaged(error.to_string()))?
         }
         2 => {
             let mut bytes = Vec::new();
             let mut decoder = flate2::read::MultiGzDecoder::new(stored).take(size as u64 + 1);
-            decoder.read_to_end(&mut bytes).map_err(|error| damaged(error.to_string()))?;
+            decoder
+                .read_to_end(&mut bytes)
+                .map_err(|error| damaged(error.to_string()))?;
             bytes
         }
         6 => zstd::bulk::decompress(stored, size).map_err(|error| damaged(error.to_string()))?,
         other => {
-            return Err(format!("it is compressed with Parquet's codec {other}; none, snappy, gzip and zstd are read"));
+            return Err(format!(
+                "it is compressed with Parquet's codec {other}; none, snappy, gzip and zstd are read"
+            ));
         }
     };
     if bytes.len() != size {
-        return Err(damaged(format!("it has {} bytes instead of {size}", bytes.len())));
+        return Err(damaged(format!(
+            "it has {} bytes instead of {size}",
+            bytes.len()
+        )));
     }
     Ok(bytes)
 }

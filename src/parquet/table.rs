@@ -9,13 +9,15 @@ use super::{
     values::{Budget, Values},
 };
 
-/// The most numbers read of a column: 256 MiB of f64, three hundred times what a demonstration of Ant's holds.
+/// The most numbers read of a column: 256 MiB of f64, three hundred times what a demonstration of
+/// Ant's holds.
 pub(crate) const MAX_NUMBERS: usize = 1 << 25;
 
 /// The most bytes decompressed for a column.
 const MAX_DECOMPRESSED: usize = 1 << 31;
 
-/// The same for a column of cells, whose values are single and whose text is bounded besides, at each place that it stands.
+/// The same for a column of cells, whose values are single and whose text is bounded besides, at
+/// each place that it stands.
 const MAX_CELLS_BYTES: usize = 1 << 28;
 const MAX_TEXT: usize = 1 << 27;
 
@@ -42,12 +44,22 @@ impl Table {
 
     /// The key-value metadata, less what writers add for themselves.
     pub(crate) fn notes(&self) -> Vec<(String, String)> {
-        self.footer.notes.iter().filter(|(key, _)| !WRITERS_KEYS.contains(&key.as_str())).cloned().collect()
+        self.footer
+            .notes
+            .iter()
+            .filter(|(key, _)| !WRITERS_KEYS.contains(&key.as_str()))
+            .cloned()
+            .collect()
     }
 
     /// The names of the columns, in order.
     pub(crate) fn columns(&self) -> Vec<&str> {
-        let mut names: Vec<&str> = self.footer.leaves.iter().map(|leaf| leaf.column.as_str()).collect();
+        let mut names: Vec<&str> = self
+            .footer
+            .leaves
+            .iter()
+            .map(|leaf| leaf.column.as_str())
+            .collect();
         names.dedup();
         names
     }
@@ -84,12 +96,28 @@ impl Table {
 
     /// The cells of column `name`, which has one or none a row.
     pub(crate) fn cells(&self, name: &str) -> Result<Cells, String> {
-        let mut leaves = self.footer.leaves.iter().enumerate().filter(|(_, leaf)| leaf.column == name);
+        let mut leaves = self
+            .footer
+            .leaves
+            .iter()
+            .enumerate()
+            .filter(|(_, leaf)| leaf.column == name);
         let (place, leaf) = leaves.next().ok_or_else(|| self.no_column(name))?;
-        let physical = leaf.physical.filter(|_| leaf.plain && leaf.max_repetition == 0 && leaves.next().is_none());
-        let physical = physical.ok_or_else(|| wrong_type(name, "structures or lists", "single values"))?;
-        let budget = Budget { numbers: self.footer.rows.min(MAX_NUMBERS), bytes: MAX_CELLS_BYTES, text: MAX_TEXT };
-        let column = Column { values: Values::none(physical), lengths: Vec::new(), there: Some(Vec::new()) };
+        let physical = leaf
+            .physical
+            .filter(|_| leaf.plain && leaf.max_repetition == 0 && leaves.next().is_none());
+        let physical =
+            physical.ok_or_else(|| wrong_type(name, "structures or lists", "single values"))?;
+        let budget = Budget {
+            numbers: self.footer.rows.min(MAX_NUMBERS),
+            bytes: MAX_CELLS_BYTES,
+            text: MAX_TEXT,
+        };
+        let column = Column {
+            values: Values::none(physical),
+            lengths: Vec::new(),
+            there: Some(Vec::new()),
+        };
         let Column { values, there, .. } = self.read(place, budget, column)?;
         let there = there.unwrap_or_default();
         self.whole(name, there.len())?;
@@ -103,14 +131,23 @@ impl Table {
         let width = equal_lengths(name, &lengths)?.unwrap_or(0);
         match values {
             Values::F64(values) => Ok(DMatrix::from_vec(width, lengths.len(), values)),
-            other => Err(wrong_type(name, &format!("a list of {}", other.name()), expected)),
+            other => Err(wrong_type(
+                name,
+                &format!("a list of {}", other.name()),
+                expected,
+            )),
         }
     }
 
     /// The values of column `name`, lists or single ones, and how many a row has.
     pub(crate) fn values(&self, name: &str) -> Result<(Values, usize), String> {
-        let lists = self.footer.leaves.iter().any(|leaf| leaf.column == name && leaf.max_repetition == 1);
-        let (values, lengths) = self.column(name, u32::from(lists), "numbers or lists of numbers")?;
+        let lists = self
+            .footer
+            .leaves
+            .iter()
+            .any(|leaf| leaf.column == name && leaf.max_repetition == 1);
+        let (values, lengths) =
+            self.column(name, u32::from(lists), "numbers or lists of numbers")?;
         Ok((values, equal_lengths(name, &lengths)?.unwrap_or(1)))
     }
 
@@ -120,28 +157,63 @@ impl Table {
     }
 
     fn no_column(&self, name: &str) -> String {
-        format!("it has no column `{name}`; it has {}", self.columns().join(", "))
+        format!(
+            "it has no column `{name}`; it has {}",
+            self.columns().join(", ")
+        )
     }
 
     /// The values of column `name`, whose rows are in as many `lists`, and then each row's length.
-    fn column(&self, name: &str, lists: u32, expected: &str) -> Result<(Values, Vec<usize>), String> {
-        let mut leaves = self.footer.leaves.iter().enumerate().filter(|(_, leaf)| leaf.column == name);
+    fn column(
+        &self,
+        name: &str,
+        lists: u32,
+        expected: &str,
+    ) -> Result<(Values, Vec<usize>), String> {
+        let mut leaves = self
+            .footer
+            .leaves
+            .iter()
+            .enumerate()
+            .filter(|(_, leaf)| leaf.column == name);
         let (place, leaf) = leaves.next().ok_or_else(|| self.no_column(name))?;
         if !leaf.plain || leaves.next().is_some() {
             return Err(wrong_type(name, "structures or nested lists", expected));
         }
-        let Some(physical) = leaf.physical.filter(|physical| *physical != Physical::Bytes) else {
+        let Some(physical) = leaf
+            .physical
+            .filter(|physical| *physical != Physical::Bytes)
+        else {
             return Err(wrong_type(name, "text or bytes", expected));
         };
         let values = Values::none(physical);
         if leaf.max_repetition != lists {
-            let found =
-                if leaf.max_repetition == 0 { values.name().into() } else { format!("a list of {}", values.name()) };
+            let found = if leaf.max_repetition == 0 {
+                values.name().into()
+            } else {
+                format!("a list of {}", values.name())
+            };
             return Err(wrong_type(name, &found, expected));
         }
-        let budget = Budget { numbers: MAX_NUMBERS, bytes: MAX_DECOMPRESSED, text: 0 };
-        let column = self.read(place, budget, Column { values, lengths: Vec::new(), there: None })?;
-        let rows = if lists == 0 { column.values.len() } else { column.lengths.len() };
+        let budget = Budget {
+            numbers: MAX_NUMBERS,
+            bytes: MAX_DECOMPRESSED,
+            text: 0,
+        };
+        let column = self.read(
+            place,
+            budget,
+            Column {
+                values,
+                lengths: Vec::new(),
+                there: None,
+            },
+        )?;
+        let rows = if lists == 0 {
+            column.values.len()
+        } else {
+            column.lengths.len()
+        };
         self.whole(name, rows)?;
         Ok((column.values, column.lengths))
     }
@@ -150,15 +222,24 @@ impl Table {
     fn read(&self, place: usize, mut budget: Budget, mut column: Column) -> Result<Column, String> {
         let leaf = &self.footer.leaves[place];
         for group in &self.footer.groups {
-            read_chunk(&self.file, leaf, &group.chunks[place], &mut budget, &mut column)
-                .map_err(|reason| format!("its column `{}` has {reason}", leaf.column))?;
+            read_chunk(
+                &self.file,
+                leaf,
+                &group.chunks[place],
+                &mut budget,
+                &mut column,
+            )
+            .map_err(|reason| format!("its column `{}` has {reason}", leaf.column))?;
         }
         Ok(column)
     }
 
     fn whole(&self, name: &str, rows: usize) -> Result<(), String> {
         if rows != self.footer.rows {
-            return Err(format!("its column `{name}` has {rows} of {} rows", self.footer.rows));
+            return Err(format!(
+                "its column `{name}` has {rows} of {} rows",
+                self.footer.rows
+            ));
         }
         Ok(())
     }
@@ -166,7 +247,9 @@ impl Table {
 
 /// The length that all rows of column `name` have; absent where there are none.
 fn equal_lengths(name: &str, lengths: &[usize]) -> Result<Option<usize>, String> {
-    let Some(&width) = lengths.first() else { return Ok(None) };
+    let Some(&width) = lengths.first() else {
+        return Ok(None);
+    };
     match lengths.iter().position(|&length| length != width) {
         None => Ok(Some(width)),
         Some(row) => Err(format!(

@@ -1,4 +1,5 @@
-//! Thrift's compact protocol, in which Parquet describes itself: reading alone, and nothing a file claims is believed.
+//! Thrift's compact protocol, in which Parquet describes itself: reading alone, and nothing a file
+//! claims is believed.
 
 /// The most elements of one list: no file of ours has as many columns, row groups or notes.
 const MAX_ELEMENTS: u64 = 100_000;
@@ -105,14 +106,19 @@ impl<'a> Reader<'a> {
 
     fn list_header(&mut self) -> Result<(u64, Kind), String> {
         let header = self.byte()?;
-        let size = if header >> 4 == 15 { self.varint()? } else { u64::from(header >> 4) };
+        let size = if header >> 4 == 15 {
+            self.varint()?
+        } else {
+            u64::from(header >> 4)
+        };
         if size > MAX_ELEMENTS {
             return Err(format!("a list claims {size} elements"));
         }
         Ok((size, Kind::of(header & 15)?))
     }
 
-    /// The fields of a structure: `field` is given each one's number and kind, and reads or [`skip`](Reader::skip)s it.
+    /// The fields of a structure: `field` is given each one's number and kind, and reads or
+    /// [`skip`](Reader::skip)s it.
     pub(super) fn structure(
         &mut self,
         mut field: impl FnMut(&mut Self, i64, Kind) -> Result<(), String>,
@@ -123,7 +129,11 @@ impl<'a> Reader<'a> {
             if header == 0 {
                 return Ok(());
             }
-            id = if header >> 4 == 0 { self.int()? } else { id.wrapping_add(i64::from(header >> 4)) };
+            id = if header >> 4 == 0 {
+                self.int()?
+            } else {
+                id.wrapping_add(i64::from(header >> 4))
+            };
             field(self, id, Kind::of(header & 15)?)?;
         }
     }
@@ -155,13 +165,20 @@ impl<'a> Reader<'a> {
                 }
                 let kinds = self.byte()?;
                 let (key, value) = (Kind::of(kinds >> 4)?, Kind::of(kinds & 15)?);
-                (0..size).try_for_each(|_| self.skip_element(key, depth).and_then(|()| self.skip_element(value, depth)))
+                (0..size).try_for_each(|_| {
+                    self.skip_element(key, depth)
+                        .and_then(|()| self.skip_element(value, depth))
+                })
             }
         }
     }
 
     /// As [`skip`](Reader::skip), but within a collection a truth value takes a byte.
     fn skip_element(&mut self, kind: Kind, depth: usize) -> Result<(), String> {
-        if let Kind::Bool(_) = kind { self.byte().map(drop) } else { self.skip_nested(kind, depth + 1) }
+        if let Kind::Bool(_) = kind {
+            self.byte().map(drop)
+        } else {
+            self.skip_nested(kind, depth + 1)
+        }
     }
 }

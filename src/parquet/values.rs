@@ -70,7 +70,10 @@ impl Values {
     /// As f64, truth values as 0 and 1; `None` of text.
     pub(crate) fn widened(self) -> Option<Vec<f64>> {
         Some(match self {
-            Self::Bool(values) => values.into_iter().map(|value| f64::from(u8::from(value))).collect(),
+            Self::Bool(values) => values
+                .into_iter()
+                .map(|value| f64::from(u8::from(value)))
+                .collect(),
             Self::I32(values) => values.into_iter().map(f64::from).collect(),
             Self::I64(values) => values.into_iter().map(|value| value as f64).collect(),
             Self::F32(values) => values.into_iter().map(f64::from).collect(),
@@ -80,7 +83,12 @@ impl Values {
     }
 
     /// Appends `n` values that `bytes` hold one after another; text at the expense of `budget`.
-    pub(super) fn extend_plain(&mut self, bytes: &[u8], n: usize, budget: &mut Budget) -> Result<(), String> {
+    pub(super) fn extend_plain(
+        &mut self,
+        bytes: &[u8],
+        n: usize,
+        budget: &mut Budget,
+    ) -> Result<(), String> {
         fn words<const N: usize, T>(
             bytes: &[u8],
             n: usize,
@@ -102,7 +110,8 @@ impl Values {
             Self::Text(values) => {
                 let mut reader = Reader { rest: bytes };
                 for _ in 0..n {
-                    let text = std::str::from_utf8(reader.prefixed()?).map_err(|_| "text that is not UTF-8")?;
+                    let text = std::str::from_utf8(reader.prefixed()?)
+                        .map_err(|_| "text that is not UTF-8")?;
                     budget.spend_text(text.len() + ENTRY)?;
                     values.push(text.into());
                 }
@@ -118,9 +127,18 @@ impl Values {
         indices: &[u32],
         budget: &mut Budget,
     ) -> Result<(), String> {
-        fn look_up<T: Clone>(values: &mut Vec<T>, dictionary: &[T], indices: &[u32]) -> Result<(), String> {
+        fn look_up<T: Clone>(
+            values: &mut Vec<T>,
+            dictionary: &[T],
+            indices: &[u32],
+        ) -> Result<(), String> {
             for &index in indices {
-                values.push(dictionary.get(index as usize).ok_or("a value is not in its dictionary")?.clone());
+                values.push(
+                    dictionary
+                        .get(index as usize)
+                        .ok_or("a value is not in its dictionary")?
+                        .clone(),
+                );
             }
             Ok(())
         }
@@ -133,7 +151,9 @@ impl Values {
             (Self::Text(values), Self::Text(dictionary)) => {
                 let before = values.len();
                 look_up(values, dictionary, indices)?;
-                values[before..].iter().try_for_each(|text| budget.spend_text(text.len()))
+                values[before..]
+                    .iter()
+                    .try_for_each(|text| budget.spend_text(text.len()))
             }
             _ => Err("a dictionary is of another type than its column".into()),
         }
@@ -152,7 +172,10 @@ pub(super) struct Budget {
 
 impl Budget {
     pub(super) fn spend_text(&mut self, bytes: usize) -> Result<(), String> {
-        self.text = self.text.checked_sub(bytes).ok_or("more text than is read")?;
+        self.text = self
+            .text
+            .checked_sub(bytes)
+            .ok_or("more text than is read")?;
         Ok(())
     }
 }

@@ -1,8 +1,10 @@
-//! The canonical form of a run: what decides its numbers, as text that outlives the types it came from.
+//! The canonical form of a run: what decides its numbers, as text that outlives the types it came
+//! from.
 //!
-//! Owns which keys count and how values are written. One line a key, `mcpo.max_kl = 0.005`, in the keys' order; numbers
-//! by value, so that it does not matter whether a type holds them as whole or not; what is absent has no line. Fingerprints
-//! are digests of this text: whoever changes it voids every recorded run. Start at [`canonical`].
+//! Owns which keys count and how values are written. One line a key, `mcpo.max_kl = 0.005`, in the
+//! keys' order; numbers by value, so that it does not matter whether a type holds them as whole or
+//! not; what is absent has no line. Fingerprints are digests of this text: whoever changes it voids
+//! every recorded run. Start at [`canonical`].
 
 use std::collections::BTreeMap;
 
@@ -13,19 +15,24 @@ use crate::spec::Algorithm;
 
 /// Keys that are no settings: names, places, and what reports are made of.
 const NAMES: [&str; 5] = ["experiment", "id", "axes", "columns", "demonstration"];
-/// Settings that cannot change training: how long it goes on, how it is watched, and what is kept of it.
+/// Settings that cannot change training: how long it goes on, how it is watched, and what is kept
+/// of it.
 const WATCHING: [&str; 3] = ["budget", "evaluation", "checkpoint"];
 
-/// Settings that came after runs of record, each with the value under which nothing changes, as JSON; hyperparameters that did
-/// stand in their [algorithms' definitions](crate::spec::Algorithm::later).
+/// Settings that came after runs of record, each with the value under which nothing changes, as
+/// JSON; hyperparameters that did stand in their [algorithms'
+/// definitions](crate::spec::Algorithm::later).
 ///
-/// A run with that value has the fingerprint that it had before the key was there, and a record that does not name the key is
-/// read as if it did. So a new setting needs a line here, and voids the runs alone that set it otherwise.
+/// A run with that value has the fingerprint that it had before the key was there, and a record
+/// that does not name the key is read as if it did. So a new setting needs a line here, and voids
+/// the runs alone that set it otherwise.
 const LATER: &[(&str, &str)] = &[];
 
 /// All keys that came after runs of record, each with its neutral value.
 fn later() -> Vec<(String, &'static str)> {
-    let settings = LATER.iter().map(|(key, neutral)| ((*key).to_owned(), *neutral));
+    let settings = LATER
+        .iter()
+        .map(|(key, neutral)| ((*key).to_owned(), *neutral));
     settings.chain(Algorithm::later()).collect()
 }
 
@@ -36,13 +43,22 @@ pub(super) fn canonical(run: &RunSpec) -> BTreeMap<String, String> {
 
 /// Every setting and hyperparameter of `run`, by key; names and places are none.
 pub(super) fn all(run: &RunSpec) -> BTreeMap<String, String> {
-    let mut lines = BTreeMap::from([("algorithm".to_owned(), format!("{:?}", run.algorithm_name()))]);
-    let Ok(Value::Object(fields)) = serde_json::to_value(run) else { unreachable!("a run is a table") };
-    for (name, value) in fields.into_iter().filter(|(name, _)| !NAMES.contains(&name.as_str())) {
+    let mut lines = BTreeMap::from([(
+        "algorithm".to_owned(),
+        format!("{:?}", run.algorithm_name()),
+    )]);
+    let Ok(Value::Object(fields)) = serde_json::to_value(run) else {
+        unreachable!("a run is a table")
+    };
+    for (name, value) in fields
+        .into_iter()
+        .filter(|(name, _)| !NAMES.contains(&name.as_str()))
+    {
         match name.as_str() {
             // Hyperparameters are named as in a matrix: `mcpo.d`.
             "algorithm" => flatten(String::new(), &value, &mut lines),
-            // Of a robot of one's own its name and its table; the model is told by its digest, wherever it stands.
+            // Of a robot of one's own its name and its table; the model is told by its digest,
+            // wherever it stands.
             "env" if value.is_object() => {
                 flatten(name, &value["name"], &mut lines);
                 flatten("env".to_owned(), &value["robot"], &mut lines);
@@ -56,15 +72,25 @@ pub(super) fn all(run: &RunSpec) -> BTreeMap<String, String> {
 /// Those of `lines` that can change training.
 fn decisive(lines: &BTreeMap<String, String>) -> BTreeMap<String, String> {
     let decides = |key: &str| !WATCHING.contains(&key.split('.').next().unwrap_or(key));
-    lines.iter().filter(|(key, _)| decides(key)).map(|(key, value)| (key.clone(), value.clone())).collect()
+    lines
+        .iter()
+        .filter(|(key, _)| decides(key))
+        .map(|(key, value)| (key.clone(), value.clone()))
+        .collect()
 }
 
 /// `lines` without those whose values change nothing.
-fn without_neutral(mut lines: BTreeMap<String, String>, later: &[(String, &str)]) -> BTreeMap<String, String> {
+fn without_neutral(
+    mut lines: BTreeMap<String, String>,
+    later: &[(String, &str)],
+) -> BTreeMap<String, String> {
     for (key, neutral) in later {
         let mut neutrals = BTreeMap::new();
         flatten(key.clone(), &json(neutral), &mut neutrals);
-        if neutrals.iter().all(|(key, value)| lines.get(key) == Some(value)) {
+        if neutrals
+            .iter()
+            .all(|(key, value)| lines.get(key) == Some(value))
+        {
             neutrals.keys().for_each(|key| drop(lines.remove(key)));
         }
     }
@@ -87,7 +113,11 @@ fn with_later(mut spec: Value, later: &[(String, &str)]) -> Value {
             Some((table, name)) => (format!("/{}", table.replace('.', "/")), name),
             None => (String::new(), key.as_str()),
         };
-        let places = if place.is_empty() { vec![place] } else { vec![format!("/algorithm{place}"), place] };
+        let places = if place.is_empty() {
+            vec![place]
+        } else {
+            vec![format!("/algorithm{place}"), place]
+        };
         let table = places.iter().find(|place| spec.pointer(place).is_some());
         if let Some(Value::Object(table)) = table.and_then(|place| spec.pointer_mut(place)) {
             table.entry(name).or_insert_with(|| json(neutral));
@@ -105,7 +135,15 @@ fn flatten(key: String, value: &Value, lines: &mut BTreeMap<String, String>) {
     match value {
         Value::Object(fields) => {
             for (name, value) in fields {
-                flatten(if key.is_empty() { name.clone() } else { format!("{key}.{name}") }, value, lines);
+                flatten(
+                    if key.is_empty() {
+                        name.clone()
+                    } else {
+                        format!("{key}.{name}")
+                    },
+                    value,
+                    lines,
+                );
             }
         }
         Value::Null => {}
@@ -115,15 +153,22 @@ fn flatten(key: String, value: &Value, lines: &mut BTreeMap<String, String>) {
     }
 }
 
-/// `0.005`, `5` for five whether whole or not, `0` for negative zero, `true`, `"rollout"`, `[300, 400]`.
+/// `0.005`, `5` for five whether whole or not, `0` for negative zero, `true`, `"rollout"`, `[300,
+/// 400]`.
 fn text(value: &Value) -> String {
     match value {
         Value::Number(number) if number.is_f64() => {
             // The shortest digits that come back to the same number, never with an exponent.
-            let number = number.as_f64().filter(|number| *number != 0.0).unwrap_or(0.0);
+            let number = number
+                .as_f64()
+                .filter(|number| *number != 0.0)
+                .unwrap_or(0.0);
             number.to_string()
         }
-        Value::Array(values) => format!("[{}]", values.iter().map(text).collect::<Vec<_>>().join(", ")),
+        Value::Array(values) => format!(
+            "[{}]",
+            values.iter().map(text).collect::<Vec<_>>().join(", ")
+        ),
         other => other.to_string(),
     }
 }
@@ -146,7 +191,11 @@ mod tests {
         assert_eq!(written(json!(5)), written(json!(5.0)));
         assert_eq!(written(json!(0.0)), written(json!(-0.0)));
         assert_eq!(
-            [written(json!(5e-3)), written(json!(1e-7)), written(json!(1e21))],
+            [
+                written(json!(5e-3)),
+                written(json!(1e-7)),
+                written(json!(1e21))
+            ],
             ["0.005", "0.0000001", "1000000000000000000000"]
         );
         assert_ne!(written(json!(0.1 + 0.2)), written(json!(0.3)));
@@ -157,7 +206,10 @@ mod tests {
 
     #[test]
     fn a_later_key_counts_only_where_it_changes_something() {
-        let later = [("mcpo.corrections".to_owned(), "0"), ("mcpo.depth".to_owned(), r#"{ "share": 1.0 }"#)];
+        let later = [
+            ("mcpo.corrections".to_owned(), "0"),
+            ("mcpo.depth".to_owned(), r#"{ "share": 1.0 }"#),
+        ];
         let before = json!({ "mcpo": { "d": 0.5 } });
         let neutral = json!({ "mcpo": { "d": 0.5, "corrections": 0.0, "depth": { "share": 1 } } });
         let other = json!({ "mcpo": { "d": 0.5, "corrections": 3, "depth": { "share": 0.5 } } });
@@ -168,7 +220,10 @@ mod tests {
 
     #[test]
     fn a_record_that_does_not_know_a_later_key_is_read_with_its_neutral_value() {
-        let later = [("mcpo.corrections".to_owned(), "0"), ("rollout.order".to_owned(), "\"time\"")];
+        let later = [
+            ("mcpo.corrections".to_owned(), "0"),
+            ("rollout.order".to_owned(), "\"time\""),
+        ];
         let spec = json!({ "algorithm": { "mcpo": { "d": 0.5 } }, "rollout": { "steps": 8 } });
         let read = with_later(spec, &later);
         assert_eq!(read["algorithm"]["mcpo"]["corrections"], json!(0));

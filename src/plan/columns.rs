@@ -1,7 +1,8 @@
 //! The axes of an experiment as columns of its tables.
 //!
-//! Every run of an experiment has the same columns, of the types of their keys, whether its block varies them or not; so that
-//! all tables of an experiment can be scanned as one. Start at [`RunSpec::axis_columns`].
+//! Every run of an experiment has the same columns, of the types of their keys, whether its block
+//! varies them or not; so that all tables of an experiment can be scanned as one. Start at
+//! [`RunSpec::axis_columns`].
 
 use std::collections::BTreeMap;
 
@@ -23,16 +24,23 @@ pub enum AxisValue {
     Text(Option<String>),
 }
 
-/// The axes of `spec`, in order, each once; those that every table has as columns of their own are not among them. Where a
-/// number may also be given in another form, as a tolerance may be a share, that form has a column beside the number's:
-/// `d.relative`.
+/// The axes of `spec`, in order, each once; those that every table has as columns of their own are
+/// not among them. Where a number may also be given in another form, as a tolerance may be a share,
+/// that form has a column beside the number's: `d.relative`.
 pub(super) fn keys(spec: &ExperimentSpec) -> Vec<String> {
     let mut keys: Vec<String> = Vec::new();
     for Axis { parameter, values } in spec.matrix.iter().flat_map(|block| &block.axes) {
         let (key, is_text) = (parameter.to_string(), parameter.kind() == Kind::Text);
-        let forms = values.iter().filter(|_| !is_text).filter_map(Value::as_table).flat_map(toml::Table::keys);
+        let forms = values
+            .iter()
+            .filter(|_| !is_text)
+            .filter_map(Value::as_table)
+            .flat_map(toml::Table::keys);
         let own = Some(key.clone()).filter(|key| !ALWAYS.contains(&key.as_str()));
-        for key in own.into_iter().chain(forms.map(|form| format!("{key}.{form}"))) {
+        for key in own
+            .into_iter()
+            .chain(forms.map(|form| format!("{key}.{form}")))
+        {
             if !keys.contains(&key) {
                 keys.push(key);
             }
@@ -45,7 +53,10 @@ pub(super) fn keys(spec: &ExperimentSpec) -> Vec<String> {
 impl RunSpec {
     /// The axes of its whole experiment, `d` and `epsilon` apart, with this run's values.
     pub fn axis_columns(&self) -> BTreeMap<String, AxisValue> {
-        self.columns.iter().filter_map(|key| Some((key.clone(), self.axis_value(key)?))).collect()
+        self.columns
+            .iter()
+            .filter_map(|key| Some((key.clone(), self.axis_value(key)?)))
+            .collect()
     }
 
     fn axis_value(&self, key: &str) -> Option<AxisValue> {
@@ -53,7 +64,9 @@ impl RunSpec {
         let value = self.axes.get(key).cloned().or_else(|| self.value(key));
         let Some(parameter) = Parameter::find(key) else {
             let (outer, form) = key.rsplit_once('.')?;
-            return Some(AxisValue::Number(self.value(outer).and_then(|value| number(value.get(form)?))));
+            return Some(AxisValue::Number(
+                self.value(outer).and_then(|value| number(value.get(form)?)),
+            ));
         };
         Some(match parameter.kind() {
             Kind::Number => AxisValue::Number(value.as_ref().and_then(number)),
@@ -65,7 +78,9 @@ impl RunSpec {
 }
 
 fn number(value: &Value) -> Option<f64> {
-    value.as_float().or_else(|| value.as_integer().map(|number| number as f64))
+    value
+        .as_float()
+        .or_else(|| value.as_integer().map(|number| number as f64))
 }
 
 #[cfg(test)]
@@ -85,7 +100,10 @@ mod tests {
         let expected = |max_kl, steps, normalize, reward: &str| {
             BTreeMap::from([
                 ("mcpo.max_kl".to_owned(), AxisValue::Number(max_kl)),
-                ("ppo.normalize_advantages".to_owned(), AxisValue::Truth(normalize)),
+                (
+                    "ppo.normalize_advantages".to_owned(),
+                    AxisValue::Truth(normalize),
+                ),
                 ("reward".to_owned(), text(reward)),
                 ("rollout.steps".to_owned(), AxisValue::Whole(Some(steps))),
             ])
@@ -93,7 +111,11 @@ mod tests {
         let sparse = short(&runs[0].value("reward").expect("every run has one"));
         assert_eq!(columns[0], expected(Some(0.01), 2048, None, &sparse));
         assert_eq!(columns[1], expected(None, 2048, Some(true), &sparse));
-        assert_eq!(columns[2], expected(None, 4096, Some(false), "dense"), "what its block does not vary is told too");
+        assert_eq!(
+            columns[2],
+            expected(None, 4096, Some(false), "dense"),
+            "what its block does not vary is told too"
+        );
     }
 
     #[test]
@@ -101,7 +123,10 @@ mod tests {
         let runs = planned(
             "[[matrix]]\nseed = [0]\nenv = ['Ant-v2']\nalgorithm = ['mcpo']\nd = [0.5, { relative = 0.01 }]\nepsilon = [0]\n",
         );
-        let told: Vec<_> = runs.iter().map(|run| (run.d(), run.axis_columns())).collect();
+        let told: Vec<_> = runs
+            .iter()
+            .map(|run| (run.d(), run.axis_columns()))
+            .collect();
         let share = |share| BTreeMap::from([("d.relative".to_owned(), AxisValue::Number(share))]);
         assert_eq!(told, [(Some(0.5), share(None)), (None, share(Some(0.01)))]);
     }

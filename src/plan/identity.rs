@@ -14,7 +14,8 @@ use crate::{
 /// The version of the canonical text; another one voids every recorded run.
 const FORM: u32 = 1;
 
-/// The versions that matter for a run's numbers: of what it uses alone, so that a change elsewhere leaves it valid.
+/// The versions that matter for a run's numbers: of what it uses alone, so that a change elsewhere
+/// leaves it valid.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Versions {
     /// The revisions of the parts of its algorithm, by their names.
@@ -30,16 +31,24 @@ pub struct Versions {
 }
 
 impl RunSpec {
-    /// What identifies this run's numbers: the first 16 hexadecimal digits of the BLAKE3 digest of its canonical form with its
-    /// demonstration's content digest and `versions`. Names, paths, the budget, `evaluation.*` and `checkpoint.*` do not
-    /// count: whatever they are, training takes the same steps.
+    /// What identifies this run's numbers: the first 16 hexadecimal digits of the BLAKE3 digest of
+    /// its canonical form with its demonstration's content digest and `versions`. Names, paths, the
+    /// budget, `evaluation.*` and `checkpoint.*` do not count: whatever they are, training takes
+    /// the same steps.
     pub fn fingerprint(&self, demonstration_digest: Option<&str>, versions: &Versions) -> String {
-        blake3::hash(self.canonical_text(demonstration_digest, versions).as_bytes()).to_hex()[..16].to_owned()
+        blake3::hash(
+            self.canonical_text(demonstration_digest, versions)
+                .as_bytes(),
+        )
+        .to_hex()[..16]
+            .to_owned()
     }
 
     fn canonical_text(&self, demonstration_digest: Option<&str>, versions: &Versions) -> String {
         let mut lines = canonical(self);
-        let mut add = |key: &str, value: Option<String>| lines.extend(value.map(|value| (key.to_owned(), value)));
+        let mut add = |key: &str, value: Option<String>| {
+            lines.extend(value.map(|value| (key.to_owned(), value)))
+        };
         add("form", Some(FORM.to_string()));
         add("demonstration", demonstration_digest.map(str::to_owned));
         add("env.revision", Some(versions.env.to_string()));
@@ -48,11 +57,15 @@ impl RunSpec {
         for (part, revision) in &versions.revisions {
             add(&format!("revision.{part}"), Some(revision.to_string()));
         }
-        lines.iter().map(|(key, value)| format!("{key} = {value}\n")).collect()
+        lines
+            .iter()
+            .map(|(key, value)| format!("{key} = {value}\n"))
+            .collect()
     }
 
-    /// Everything that is set but for the seed, as one text: runs of one experiment with one identity and seed are one. How
-    /// often a run saves what it could go on from makes no other run.
+    /// Everything that is set but for the seed, as one text: runs of one experiment with one
+    /// identity and seed are one. How often a run saves what it could go on from makes no other
+    /// run.
     pub(super) fn identity(&self) -> String {
         let mut lines = all(self);
         lines.remove("checkpoint.every_seconds");
@@ -60,10 +73,19 @@ impl RunSpec {
         format!("{lines:?} {:?}", self.demonstration)
     }
 
-    /// The steps that training takes: the budget, rounded up to whole rollouts; 0 for an algorithm that takes none.
+    /// The steps that training takes: the budget, rounded up to whole rollouts; 0 for an algorithm
+    /// that takes none.
     pub fn trained_steps(&self) -> u64 {
         let steps = self.rollout.steps.get();
-        if self.algorithm.trains() { self.budget.env_steps.get().div_ceil(steps).saturating_mul(steps) } else { 0 }
+        if self.algorithm.trains() {
+            self.budget
+                .env_steps
+                .get()
+                .div_ceil(steps)
+                .saturating_mul(steps)
+        } else {
+            0
+        }
     }
 
     /// Whether the rollout that its budget ends in makes it longer by more than a hundredth.
@@ -72,22 +94,39 @@ impl RunSpec {
         self.trained_steps() > budget.saturating_add(budget / 100)
     }
 
-    /// The settings and hyperparameters that are not the defaults of its environment and algorithm: `mcpo.mmd.bandwidth`,
-    /// `reward`. Those that only say how long it is, how it is evaluated and what it saves do not count, nor does the
-    /// demonstration.
+    /// The settings and hyperparameters that are not the defaults of its environment and algorithm:
+    /// `mcpo.mmd.bandwidth`, `reward`. Those that only say how long it is, how it is evaluated and
+    /// what it saves do not count, nor does the demonstration.
     pub fn departures(&self) -> BTreeSet<String> {
         let defaults = Settings::defaults(self.env, self.algorithm_name(), self.budget.env_steps);
-        let algorithm = Algorithm::defaults(self.algorithm_name(), self.env).expect("it has a name");
-        let reward = if algorithm.trains_on_dense_reward() { Reward::Dense } else { defaults.reward };
-        let Settings { max_steps, rollout, network, .. } = defaults;
-        let default = Self { reward, max_steps: max_steps.get(), rollout, network, algorithm, ..self.clone() };
+        let algorithm =
+            Algorithm::defaults(self.algorithm_name(), self.env).expect("it has a name");
+        let reward = if algorithm.trains_on_dense_reward() {
+            Reward::Dense
+        } else {
+            defaults.reward
+        };
+        let Settings {
+            max_steps,
+            rollout,
+            network,
+            ..
+        } = defaults;
+        let default = Self {
+            reward,
+            max_steps: max_steps.get(),
+            rollout,
+            network,
+            algorithm,
+            ..self.clone()
+        };
         let (own, default) = (all(self), all(&default));
         differing(&own, &default).map(parameter).collect()
     }
 }
 
-/// What decides training and differs between `recorded` and `wanted`: keys with both values, as in `mcpo.d: 0.001 -> 0.01`;
-/// empty when nothing does.
+/// What decides training and differs between `recorded` and `wanted`: keys with both values, as in
+/// `mcpo.d: 0.001 -> 0.01`; empty when nothing does.
 pub fn differences(recorded: &RunSpec, wanted: &RunSpec) -> Vec<String> {
     told(&canonical(recorded), &canonical(wanted))
 }
@@ -106,7 +145,11 @@ pub fn evaluated_otherwise(recorded: &RunSpec, wanted: &RunSpec) -> Vec<String> 
 pub(super) fn all_differences(recorded: &RunSpec, wanted: &RunSpec) -> Vec<String> {
     let mut lines = [all(recorded), all(wanted)];
     for (lines, run) in lines.iter_mut().zip([recorded, wanted]) {
-        lines.extend(run.demonstration.as_ref().map(|path| ("demonstrations".to_owned(), path.display().to_string())));
+        lines.extend(
+            run.demonstration
+                .as_ref()
+                .map(|path| ("demonstrations".to_owned(), path.display().to_string())),
+        );
     }
     told(&lines[0], &lines[1])
 }
@@ -114,7 +157,13 @@ pub(super) fn all_differences(recorded: &RunSpec, wanted: &RunSpec) -> Vec<Strin
 fn told(before: &BTreeMap<String, String>, after: &BTreeMap<String, String>) -> Vec<String> {
     let show = |value: Option<&String>| value.map_or("absent", String::as_str).to_owned();
     differing(before, after)
-        .map(|key| format!("{key}: {} -> {}", show(before.get(key)), show(after.get(key))))
+        .map(|key| {
+            format!(
+                "{key}: {} -> {}",
+                show(before.get(key)),
+                show(after.get(key))
+            )
+        })
         .collect()
 }
 
@@ -124,10 +173,13 @@ fn differing<'a>(
     after: &'a BTreeMap<String, String>,
 ) -> impl Iterator<Item = &'a str> {
     let keys: BTreeSet<&String> = before.keys().chain(after.keys()).collect();
-    keys.into_iter().filter(|key| before.get(*key) != after.get(*key)).map(String::as_str)
+    keys.into_iter()
+        .filter(|key| before.get(*key) != after.get(*key))
+        .map(String::as_str)
 }
 
-/// The parameter that the line `key` belongs to: `mcpo.mmd.bandwidth` of `mcpo.mmd.bandwidth.fixed`.
+/// The parameter that the line `key` belongs to: `mcpo.mmd.bandwidth` of
+/// `mcpo.mmd.bandwidth.fixed`.
 fn parameter(key: &str) -> String {
     let mut name = key;
     while let (None, Some((outer, _))) = (Parameter::find(name), name.rsplit_once('.')) {
@@ -145,7 +197,8 @@ mod tests {
     use crate::{env::EnvId, quantity::constant};
 
     fn run() -> RunSpec {
-        planned("[[matrix]]\nseed = [7]\nenv = ['HalfCheetah-v2']\nalgorithm = ['mcpo']\n").remove(0)
+        planned("[[matrix]]\nseed = [7]\nenv = ['HalfCheetah-v2']\nalgorithm = ['mcpo']\n")
+            .remove(0)
     }
 
     fn versions() -> Versions {
@@ -157,8 +210,9 @@ mod tests {
         }
     }
 
-    /// The ten and more runs whose fingerprints are pinned, as an older program's `run.json` holds them: all algorithms, all
-    /// environments. Never made anew: what changes one of these lines voids every recorded run.
+    /// The ten and more runs whose fingerprints are pinned, as an older program's `run.json` holds
+    /// them: all algorithms, all environments. Never made anew: what changes one of these lines
+    /// voids every recorded run.
     const PINNED: &str = include_str!("pinned.json");
 
     #[derive(serde::Deserialize)]
@@ -174,11 +228,19 @@ mod tests {
         let mut envs = BTreeSet::new();
         for Pinned { fingerprint, spec } in &pinned {
             let run = recorded(spec).expect("an older program's run can be read");
-            assert_eq!(run.fingerprint(Some("x"), &versions()), *fingerprint, "{}", run.id);
+            assert_eq!(
+                run.fingerprint(Some("x"), &versions()),
+                *fingerprint,
+                "{}",
+                run.id
+            );
             algorithms.insert(run.algorithm_name());
             envs.insert(run.env);
         }
-        assert_eq!((algorithms.len(), envs.len()), (Algorithm::names().count(), EnvId::ALL.len()));
+        assert_eq!(
+            (algorithms.len(), envs.len()),
+            (Algorithm::names().count(), EnvId::ALL.len())
+        );
     }
 
     #[test]
@@ -218,20 +280,48 @@ seed = 7
     fn whatever_decides_training_changes_the_fingerprint() {
         let run = run();
         let print = run.fingerprint(Some("x"), &versions());
-        assert_eq!((print.len(), &print), (16, &run.fingerprint(Some("x"), &versions())));
-        let seed = RunSpec { seed: crate::rng::Seed(8), ..run.clone() };
-        let reward = RunSpec { reward: crate::env::Reward::Dense, ..run.clone() };
-        let random = planned("[[matrix]]\nseed = [7]\nenv = ['HalfCheetah-v2']\nalgorithm = ['random']\n").remove(0);
+        assert_eq!(
+            (print.len(), &print),
+            (16, &run.fingerprint(Some("x"), &versions()))
+        );
+        let seed = RunSpec {
+            seed: crate::rng::Seed(8),
+            ..run.clone()
+        };
+        let reward = RunSpec {
+            reward: crate::env::Reward::Dense,
+            ..run.clone()
+        };
+        let random =
+            planned("[[matrix]]\nseed = [7]\nenv = ['HalfCheetah-v2']\nalgorithm = ['random']\n")
+                .remove(0);
         for other in [seed, reward, random] {
-            assert_ne!(other.fingerprint(Some("x"), &versions()), print, "{:?}", differences(&run, &other));
+            assert_ne!(
+                other.fingerprint(Some("x"), &versions()),
+                print,
+                "{:?}",
+                differences(&run, &other)
+            );
         }
         assert_ne!(run.fingerprint(Some("y"), &versions()), print);
         assert_ne!(run.fingerprint(None, &versions()), print);
         for other in [
-            Versions { revisions: BTreeMap::from([("mcpo".to_owned(), 2)]), ..versions() },
-            Versions { env: 2, ..versions() },
-            Versions { mujoco: Some("4.0.0".into()), ..versions() },
-            Versions { model: None, ..versions() },
+            Versions {
+                revisions: BTreeMap::from([("mcpo".to_owned(), 2)]),
+                ..versions()
+            },
+            Versions {
+                env: 2,
+                ..versions()
+            },
+            Versions {
+                mujoco: Some("4.0.0".into()),
+                ..versions()
+            },
+            Versions {
+                model: None,
+                ..versions()
+            },
         ] {
             assert_ne!(run.fingerprint(Some("x"), &other), print);
         }
@@ -252,11 +342,21 @@ seed = 7
         other.checkpoint.keep_policy_every = Some(constant(10_000));
         other.evaluation.every = constant(1);
         other.evaluation.final_episodes = constant(1);
-        assert_eq!(other.fingerprint(Some("x"), &versions()), run.fingerprint(Some("x"), &versions()));
+        assert_eq!(
+            other.fingerprint(Some("x"), &versions()),
+            run.fingerprint(Some("x"), &versions())
+        );
         assert_eq!(differences(&run, &other), Vec::<String>::new());
-        let otherwise = ["evaluation.every: 20000 -> 1", "evaluation.final_episodes: 50 -> 1"];
+        let otherwise = [
+            "evaluation.every: 20000 -> 1",
+            "evaluation.final_episodes: 50 -> 1",
+        ];
         assert_eq!(evaluated_otherwise(&run, &other), otherwise);
-        assert_ne!(other.identity(), run.identity(), "in one plan they are two runs");
+        assert_ne!(
+            other.identity(),
+            run.identity(),
+            "in one plan they are two runs"
+        );
     }
 
     #[test]
@@ -268,35 +368,58 @@ seed = 7
             );
             planned(&text)[0].trained_steps()
         };
-        assert_eq!([steps(1024, "mcpo"), steps(1025, "mcpo"), steps(2048, "mcpo")], [1024, 2048, 2048]);
+        assert_eq!(
+            [
+                steps(1024, "mcpo"),
+                steps(1025, "mcpo"),
+                steps(2048, "mcpo")
+            ],
+            [1024, 2048, 2048]
+        );
         assert_eq!([steps(1025, "bc"), steps(1025, "random")], [0, 0]);
     }
 
     #[test]
     fn departures_are_what_is_learned_otherwise_than_by_default() {
         let departures = |matrix: &str| {
-            let runs = planned(&format!("[[matrix]]\nseed = [7]\nenv = ['HalfCheetah-v2']\n{matrix}"));
+            let runs = planned(&format!(
+                "[[matrix]]\nseed = [7]\nenv = ['HalfCheetah-v2']\n{matrix}"
+            ));
             runs[0].departures().into_iter().collect::<Vec<_>>()
         };
         for name in Algorithm::names() {
             for env in EnvId::ALL {
-                let text = format!("[[matrix]]\nseed = [1]\nenv = ['{env}']\nalgorithm = ['{name}']\n");
+                let text =
+                    format!("[[matrix]]\nseed = [1]\nenv = ['{env}']\nalgorithm = ['{name}']\n");
                 assert!(planned(&text)[0].departures().is_empty(), "{name}, {env}");
             }
         }
         let length = "'budget.env_steps' = [200_000]\n'evaluation.every' = [5_000]\n'checkpoint.every_seconds' = [1]\n";
-        assert_eq!(departures(&format!("algorithm = ['mcpo']\n{length}")), [""; 0]);
-        assert_eq!(departures("algorithm = ['expert']\nreward = ['dense']\n"), [""; 0], "it always has that one");
         assert_eq!(
-            departures("algorithm = ['mcpo']\nreward = ['dense']\nd = [0.5]\n'mmd.bandwidth' = ['median']\n"),
+            departures(&format!("algorithm = ['mcpo']\n{length}")),
+            [""; 0]
+        );
+        assert_eq!(
+            departures("algorithm = ['expert']\nreward = ['dense']\n"),
+            [""; 0],
+            "it always has that one"
+        );
+        assert_eq!(
+            departures(
+                "algorithm = ['mcpo']\nreward = ['dense']\nd = [0.5]\n'mmd.bandwidth' = ['median']\n"
+            ),
             ["mcpo.d", "mcpo.mmd.bandwidth", "reward"]
         );
         assert_eq!(
-            departures("algorithm = ['pretraining']\n'pretraining.ppo.clip' = [0.1]\n'network.hidden' = [[64, 64]]\n"),
+            departures(
+                "algorithm = ['pretraining']\n'pretraining.ppo.clip' = [0.1]\n'network.hidden' = [[64, 64]]\n"
+            ),
             ["network.hidden", "pretraining.ppo.clip"]
         );
         assert_eq!(
-            departures("algorithm = ['ppo']\nreward = [{ sparse2 = { distance = 1.0 } }]\n'rollout.steps' = [2048]\n"),
+            departures(
+                "algorithm = ['ppo']\nreward = [{ sparse2 = { distance = 1.0 } }]\n'rollout.steps' = [2048]\n"
+            ),
             ["reward", "rollout.steps"]
         );
     }
@@ -306,6 +429,13 @@ seed = 7
         let before = run();
         let other = "[[matrix]]\nseed = [8]\nenv = ['HalfCheetah-v2']\nalgorithm = ['mcpo']\nd = [0.5]\nmax_d = [1]\n";
         let after = planned(other).remove(0);
-        assert_eq!(differences(&before, &after), ["mcpo.d: 0.001 -> 0.5", "mcpo.max_d: absent -> 1", "seed: 7 -> 8"]);
+        assert_eq!(
+            differences(&before, &after),
+            [
+                "mcpo.d: 0.001 -> 0.5",
+                "mcpo.max_d: absent -> 1",
+                "seed: 7 -> 8"
+            ]
+        );
     }
 }

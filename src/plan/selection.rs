@@ -19,14 +19,18 @@ impl Selection {
     /// The same of a run whose values are known.
     pub fn matches_values(&self, run: &Values) -> bool {
         let listed = |(key, values): &(Key, Vec<Value>)| {
-            run.get(key).is_some_and(|value| values.iter().any(|listed| same(key, &value, listed)))
+            run.get(key)
+                .is_some_and(|value| values.iter().any(|listed| same(key, &value, listed)))
         };
         self.wanted.iter().all(listed) && !self.unwanted.iter().any(listed)
     }
 }
 
 fn same(key: &Key, value: &Value, wanted: &Value) -> bool {
-    equal(value, wanted) || wanted.as_str().is_some_and(|wanted| called(key, value, wanted))
+    equal(value, wanted)
+        || wanted
+            .as_str()
+            .is_some_and(|wanted| called(key, value, wanted))
 }
 
 /// Whether both are the same value, 1 and 1.0 alike, by themselves as in a list or a table.
@@ -36,7 +40,9 @@ fn equal(one: &Value, other: &Value) -> bool {
             one.len() == other.len() && one.iter().zip(other).all(|(one, other)| equal(one, other))
         }
         (Value::Table(one), Value::Table(other)) => {
-            let has = |(key, one): (&String, &Value)| other.get(key).is_some_and(|other| equal(one, other));
+            let has = |(key, one): (&String, &Value)| {
+                other.get(key).is_some_and(|other| equal(one, other))
+            };
             one.len() == other.len() && one.iter().all(has)
         }
         _ => match (number(one), number(other)) {
@@ -63,7 +69,9 @@ fn is_of_files(key: &Key) -> bool {
 }
 
 fn number(value: &Value) -> Option<f64> {
-    value.as_float().or_else(|| value.as_integer().map(|integer| integer as f64))
+    value
+        .as_float()
+        .or_else(|| value.as_integer().map(|integer| integer as f64))
 }
 
 #[cfg(test)]
@@ -73,10 +81,22 @@ mod tests {
     #[test]
     fn what_cannot_be_meant_names_the_nearest() {
         for (text, message) in [
-            ("env=Hoper-v2", "unknown env `Hoper-v2` in a selection; the nearest known one is `Hopper-v2`"),
-            ("algorithm=mcp", "unknown algorithm `mcp` in a selection; the nearest known one is `mcpo`"),
-            ("epsilom=0", "unknown key `epsilom` in a selection; the nearest known one is `epsilon`"),
-            ("epsilom!=0", "unknown key `epsilom` in a selection; the nearest known one is `epsilon`"),
+            (
+                "env=Hoper-v2",
+                "unknown env `Hoper-v2` in a selection; the nearest known one is `Hopper-v2`",
+            ),
+            (
+                "algorithm=mcp",
+                "unknown algorithm `mcp` in a selection; the nearest known one is `mcpo`",
+            ),
+            (
+                "epsilom=0",
+                "unknown key `epsilom` in a selection; the nearest known one is `epsilon`",
+            ),
+            (
+                "epsilom!=0",
+                "unknown key `epsilom` in a selection; the nearest known one is `epsilon`",
+            ),
             ("mcpo", "`mcpo` is not of the form KEY=VALUE or KEY!=VALUE"),
             ("", "`` is not of the form KEY=VALUE or KEY!=VALUE"),
         ] {
@@ -117,7 +137,11 @@ mod tests {
             ("reward=sparse2-1-milestone", 6),
         ] {
             let selection = Selection::parse(text).expect(text);
-            assert_eq!(runs.iter().filter(|run| selection.matches(run)).count(), count, "{text}");
+            assert_eq!(
+                runs.iter().filter(|run| selection.matches(run)).count(),
+                count,
+                "{text}"
+            );
         }
     }
 }

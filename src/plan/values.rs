@@ -7,7 +7,8 @@ use crate::spec::{Key, Parameter};
 #[derive(Debug, Clone, PartialEq)]
 pub struct Values {
     algorithm: &'static str,
-    /// Everything that is set, but for the algorithm, by the keys of the file; `env` and `seed` too.
+    /// Everything that is set, but for the algorithm, by the keys of the file; `env` and `seed`
+    /// too.
     settings: toml::Table,
     hyperparameters: toml::Table,
 }
@@ -15,22 +16,31 @@ pub struct Values {
 impl Values {
     /// Those of `run`.
     pub(super) fn of(run: &RunSpec) -> Self {
-        let mut settings = toml::Table::try_from(run).expect("a run is tables of numbers, names and lists");
+        let mut settings =
+            toml::Table::try_from(run).expect("a run is tables of numbers, names and lists");
         if let Some(path) = settings.remove("demonstration") {
             settings.insert("demonstrations".into(), path);
         }
         settings.insert("env".into(), run.env.name().into());
-        Self { algorithm: run.algorithm_name(), settings, hyperparameters: run.algorithm.hyperparameters() }
+        Self {
+            algorithm: run.algorithm_name(),
+            settings,
+            hyperparameters: run.algorithm.hyperparameters(),
+        }
     }
 
-    /// The value of `env`, `algorithm`, `seed`, a setting or a hyperparameter; `None` where the run has no such thing.
+    /// The value of `env`, `algorithm`, `seed`, a setting or a hyperparameter; `None` where the run
+    /// has no such thing.
     pub fn get(&self, key: &Key) -> Option<toml::Value> {
         match key {
             Key::Algorithm => Some(self.algorithm.into()),
             Key::Env => self.settings.get("env").cloned(),
             Key::Seed => self.settings.get("seed").cloned(),
             Key::Parameter(Parameter::Setting(key)) => look_up(&self.settings, key),
-            Key::Parameter(parameter) => look_up(&self.hyperparameters, parameter.hyperparameter_of(self.algorithm)?),
+            Key::Parameter(parameter) => look_up(
+                &self.hyperparameters,
+                parameter.hyperparameter_of(self.algorithm)?,
+            ),
         }
     }
 }

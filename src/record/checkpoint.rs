@@ -1,8 +1,8 @@
 //! The state from which an interrupted run goes on.
 //!
-//! A sealed file: a line that names the format and its version, the run's fingerprint, the payload's BLAKE3 digest, the
-//! payload (postcard). What does not fit is refused with the reason, and left where it is. A finished run keeps its last one, to go
-//! on from when it is to be longer.
+//! A sealed file: a line that names the format and its version, the run's fingerprint, the
+//! payload's BLAKE3 digest, the payload (postcard). What does not fit is refused with the reason,
+//! and left where it is. A finished run keeps its last one, to go on from when it is to be longer.
 
 use std::path::Path;
 
@@ -13,7 +13,8 @@ use crate::train::{EvaluationEpisode, Iteration};
 
 /// What a checkpoint's first line says.
 const NAME: &str = "mcpo-run checkpoint";
-/// The version of payloads; raise it when [`Checkpoint`], whatever is inside `state`, or an agent changes its shape.
+/// The version of payloads; raise it when [`Checkpoint`], whatever is inside `state`, or an agent
+/// changes its shape.
 const VERSION: u32 = 2;
 /// The largest sealed file that is read, bytes.
 const LIMIT: u64 = 4 << 30;
@@ -57,30 +58,40 @@ impl Checkpoint {
     }
 }
 
-/// Writes `content` with the line that `name` is, what it was `written_for`, and its digest; whole or not at all.
+/// Writes `content` with the line that `name` is, what it was `written_for`, and its digest; whole
+/// or not at all.
 pub(super) fn write_sealed<T: Serialize>(
     path: &Path,
     name: &str,
     written_for: &str,
     content: &T,
 ) -> Result<(), RecordError> {
-    let payload = postcard::to_stdvec(content).map_err(|error| malformed(path, error.to_string()))?;
+    let payload =
+        postcard::to_stdvec(content).map_err(|error| malformed(path, error.to_string()))?;
     let digest = blake3::hash(&payload).to_hex();
     let head = format!("{name} {VERSION}\n{written_for}\n{digest}\n");
     write_atomically(path, &[head.as_bytes(), &payload].concat())
 }
 
-/// Reads what [`write_sealed`] wrote under the same name and for the same; `None` where there is no such file.
+/// Reads what [`write_sealed`] wrote under the same name and for the same; `None` where there is no
+/// such file.
 pub(super) fn read_sealed<T: DeserializeOwned>(
     path: &Path,
     name: &str,
     written_for: &str,
 ) -> Result<Option<T>, RecordError> {
-    let Some(bytes) = read_bounded(path, LIMIT)? else { return Ok(None) };
-    unsealed(&bytes, name, written_for).map(Some).map_err(|refusal| match refusal {
-        Refusal::Foreign(reason) => malformed(path, reason),
-        Refusal::Damaged(reason) => RecordError::Damaged { path: path.to_owned(), reason },
-    })
+    let Some(bytes) = read_bounded(path, LIMIT)? else {
+        return Ok(None);
+    };
+    unsealed(&bytes, name, written_for)
+        .map(Some)
+        .map_err(|refusal| match refusal {
+            Refusal::Foreign(reason) => malformed(path, reason),
+            Refusal::Damaged(reason) => RecordError::Damaged {
+                path: path.to_owned(),
+                reason,
+            },
+        })
 }
 
 /// Why a sealed file is not used.
@@ -91,36 +102,56 @@ enum Refusal {
     Damaged(String),
 }
 
-fn unsealed<T: DeserializeOwned>(bytes: &[u8], name: &str, fingerprint: &str) -> Result<T, Refusal> {
+fn unsealed<T: DeserializeOwned>(
+    bytes: &[u8],
+    name: &str,
+    fingerprint: &str,
+) -> Result<T, Refusal> {
     let damaged = |reason: &str| Refusal::Damaged(reason.to_owned());
-    let rest = bytes.strip_prefix(name.as_bytes()).and_then(|rest| rest.strip_prefix(b" "));
+    let rest = bytes
+        .strip_prefix(name.as_bytes())
+        .and_then(|rest| rest.strip_prefix(b" "));
     let rest = rest.ok_or_else(|| Refusal::Damaged(format!("it does not begin with `{name}`")))?;
     let (version, rest) = line(rest).map_err(damaged)?;
     if version != VERSION.to_string() {
-        let reason = format!("it is of version {version}, and this program reads version {VERSION}");
+        let reason =
+            format!("it is of version {version}, and this program reads version {VERSION}");
         return Err(Refusal::Foreign(reason));
     }
     let (written_for, rest) = line(rest).map_err(damaged)?;
     let (digest, payload) = line(rest).map_err(damaged)?;
     if digest.len() != DIGEST || digest != blake3::hash(payload).to_hex().as_str() {
-        return Err(damaged("its content does not have the digest that it names"));
+        return Err(damaged(
+            "its content does not have the digest that it names",
+        ));
     }
     if written_for != fingerprint {
-        let reason = format!("it was written by a run with fingerprint {written_for}, and this one has {fingerprint}");
+        let reason = format!(
+            "it was written by a run with fingerprint {written_for}, and this one has {fingerprint}"
+        );
         return Err(Refusal::Foreign(reason));
     }
-    postcard::from_bytes(payload).map_err(|error| Refusal::Damaged(format!("its content cannot be decoded: {error}")))
+    postcard::from_bytes(payload)
+        .map_err(|error| Refusal::Damaged(format!("its content cannot be decoded: {error}")))
 }
 
 /// The bytes up to a line's end, as text, and what follows.
 fn line(bytes: &[u8]) -> Result<(&str, &[u8]), &'static str> {
-    let end = bytes.iter().take(4096).position(|&byte| byte == b'\n').ok_or("it is cut off in its head")?;
+    let end = bytes
+        .iter()
+        .take(4096)
+        .position(|&byte| byte == b'\n')
+        .ok_or("it is cut off in its head")?;
     let text = std::str::from_utf8(&bytes[..end]).map_err(|_| "its head is not text")?;
     Ok((text, &bytes[end + 1..]))
 }
 
 fn malformed(path: &Path, reason: String) -> RecordError {
-    RecordError::Malformed { path: path.to_owned(), expected: "what this run would go on from", reason }
+    RecordError::Malformed {
+        path: path.to_owned(),
+        expected: "what this run would go on from",
+        reason,
+    }
 }
 
 #[cfg(test)]
@@ -141,12 +172,17 @@ mod tests {
     fn damage_and_strangers_are_refused_and_kept() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("checkpoint");
-        assert_eq!(Checkpoint::read(&path, "f").expect("absence is no error"), None);
+        assert_eq!(
+            Checkpoint::read(&path, "f").expect("absence is no error"),
+            None
+        );
         checkpoint().write(&path, "f").expect("written");
         let whole = std::fs::read(&path).expect("readable");
         let refused = |bytes: &[u8]| {
             std::fs::write(&path, bytes).expect("written");
-            let message = Checkpoint::read(&path, "f").expect_err("refused").to_string();
+            let message = Checkpoint::read(&path, "f")
+                .expect_err("refused")
+                .to_string();
             assert_eq!(std::fs::read(&path).expect("kept"), bytes);
             message
         };
@@ -159,7 +195,12 @@ mod tests {
             refused(&damaged);
         }
         std::fs::write(&path, &whole).expect("written");
-        assert!(Checkpoint::read(&path, "g").expect_err("another run").to_string().contains("fingerprint f"));
+        assert!(
+            Checkpoint::read(&path, "g")
+                .expect_err("another run")
+                .to_string()
+                .contains("fingerprint f")
+        );
         let newer = [NAME.as_bytes(), b" 3\n", &whole[NAME.len() + 3..]].concat();
         assert!(refused(&newer).contains("version 3"));
     }
@@ -169,7 +210,9 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("checkpoint");
         checkpoint().write(&path, "f").expect("written");
-        let read = Checkpoint::read(&path, "f").expect("readable").expect("there");
+        let read = Checkpoint::read(&path, "f")
+            .expect("readable")
+            .expect("there");
         assert_eq!(read, checkpoint());
         assert_eq!(read.env_steps(), 200);
     }

@@ -1,11 +1,13 @@
 //! The claim on a run: who holds it may write to the run's folder, on whichever machine.
 //!
-//! Locks of the operating system do not do for this: some network file systems have none, some keep them on one machine,
-//! and some keep those of a machine that is gone. A claim is a file that names its owner, put into its place by a hard
-//! link, which is made whole or not at all on those too (NFS, RFC 1813, `LINK`). An owner on this machine is dead when its
-//! process is; one elsewhere, when it has left its file untouched for [`SILENCE`]. Nobody removes a dead owner's claim, which two
-//! could do at once and one of them to the other's: the next claim is put behind it, under the dead one's own number, where
-//! again only one can be. The last claim of the chain is the one that holds.
+//! Locks of the operating system do not do for this: some network file systems have none, some keep
+//! them on one machine, and some keep those of a machine that is gone. A claim is a file that names
+//! its owner, put into its place by a hard link, which is made whole or not at all on those too
+//! (NFS, RFC 1813, `LINK`). An owner on this machine is dead when its process is; one elsewhere,
+//! when it has left its file untouched for [`SILENCE`]. Nobody removes a dead owner's claim, which
+//! two could do at once and one of them to the other's: the next claim is put behind it, under the
+//! dead one's own number, where again only one can be. The last claim of the chain is the one that
+//! holds.
 
 use std::{
     fs::{self, File, OpenOptions},
@@ -20,10 +22,13 @@ use std::{
     time::{Duration, SystemTime},
 };
 
-use super::{RecordError, RunPaths, beside, io_error, owner::Owner, paths::remove_if_there, read_bounded};
+use super::{
+    RecordError, RunPaths, beside, io_error, owner::Owner, paths::remove_if_there, read_bounded,
+};
 use crate::intake::{self, Links};
 
-/// How often a claim is tried for, and the pause between: somebody who looks after a run holds it for a moment.
+/// How often a claim is tried for, and the pause between: somebody who looks after a run holds it
+/// for a moment.
 const TRIES: u32 = 20;
 const PAUSE: Duration = Duration::from_millis(50);
 /// An owner touches its file so often.
@@ -83,14 +88,24 @@ impl Claim {
         fs::create_dir_all(folder).map_err(io_error("claim", place))?;
         let owner = Owner::this();
         let mut own = beside(folder).map_err(io_error("claim", place))?;
-        own.write_all(&owner.text()).and_then(|()| own.as_file().sync_all()).map_err(io_error("claim", place))?;
-        // The time of the machine that keeps the files, by which it also tells when others were touched.
-        let now = own.as_file().metadata().and_then(|own| own.modified()).map_err(io_error("claim", place))?;
-        let End::Free(chain) = end(place, now)? else { return Ok(None) };
+        own.write_all(&owner.text())
+            .and_then(|()| own.as_file().sync_all())
+            .map_err(io_error("claim", place))?;
+        // The time of the machine that keeps the files, by which it also tells when others were
+        // touched.
+        let now = own
+            .as_file()
+            .metadata()
+            .and_then(|own| own.modified())
+            .map_err(io_error("claim", place))?;
+        let End::Free(chain) = end(place, now)? else {
+            return Ok(None);
+        };
         let last = chain.last().map_or(place, PathBuf::as_path);
         match fs::hard_link(own.path(), last) {
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => return Ok(None),
-            // The answer of a network file system may have been lost, and the second try have met the first one's link.
+            // The answer of a network file system may have been lost, and the second try have met
+            // the first one's link.
             Err(error) if !is_linked(own.as_file()) => return Err(io_error("claim", last)(error)),
             _ => {}
         }
@@ -102,8 +117,14 @@ impl Claim {
         let next = behind(place, &owner);
         let file = own.into_file();
         let lost = Arc::new(AtomicBool::new(false));
-        let beats = touch(file, next.clone(), last.to_owned(), Arc::clone(&lost)).map_err(io_error("claim", place))?;
-        Ok(Some(Self { chain, next, lost, beats: Some(beats) }))
+        let beats = touch(file, next.clone(), last.to_owned(), Arc::clone(&lost))
+            .map_err(io_error("claim", place))?;
+        Ok(Some(Self {
+            chain,
+            next,
+            lost,
+            beats: Some(beats),
+        }))
     }
 
     /// Whether somebody holds the claim; takes none and writes nothing.
@@ -128,8 +149,8 @@ impl Claim {
         })
     }
 
-    /// Whether another machine took this process for dead, since it stood still for too long: then what the claim stood for is no
-    /// longer its own.
+    /// Whether another machine took this process for dead, since it stood still for too long: then
+    /// what the claim stood for is no longer its own.
     pub fn is_lost(&self) -> bool {
         self.lost.load(Ordering::SeqCst) || self.next.exists()
     }
@@ -138,10 +159,12 @@ impl Claim {
 impl Drop for Claim {
     fn drop(&mut self) {
         drop(self.beats.take());
-        // The first one first: who finds it gone begins anew, and who is in the middle finds that it leads nowhere. What cannot
-        // be removed is a dead owner's as soon as this process ends.
+        // The first one first: who finds it gone begins anew, and who is in the middle finds that
+        // it leads nowhere. What cannot be removed is a dead owner's as soon as this process ends.
         if !self.is_lost() {
-            self.chain.iter().for_each(|path| drop(fs::remove_file(path)));
+            self.chain
+                .iter()
+                .for_each(|path| drop(fs::remove_file(path)));
         }
     }
 }
@@ -157,20 +180,31 @@ fn behind(place: &Path, owner: &Owner) -> PathBuf {
 fn end(place: &Path, now: SystemTime) -> Result<End, RecordError> {
     let mut chain = vec![place.to_owned()];
     while let Some(last) = chain.last().filter(|_| chain.len() < LONGEST) {
-        let Some((owner, touched)) = read(last)? else { return Ok(End::Free(chain)) };
+        let Some((owner, touched)) = read(last)? else {
+            return Ok(End::Free(chain));
+        };
         let silent = now.duration_since(touched).unwrap_or_default();
         if owner.is_alive().unwrap_or(silent < SILENCE) {
             return Ok(End::Held(owner));
         }
         let next = behind(place, &owner);
         if chain.contains(&next) {
-            let reason = "it leads back to itself; remove it where nobody works on the run".to_owned();
-            return Err(RecordError::Malformed { path: next, expected: "a claim", reason });
+            let reason =
+                "it leads back to itself; remove it where nobody works on the run".to_owned();
+            return Err(RecordError::Malformed {
+                path: next,
+                expected: "a claim",
+                reason,
+            });
         }
         chain.push(next);
     }
     let reason = format!("{LONGEST} owners died; remove it where nobody works on the run");
-    Err(RecordError::Malformed { path: place.to_owned(), expected: "a claim that can be taken", reason })
+    Err(RecordError::Malformed {
+        path: place.to_owned(),
+        expected: "a claim that can be taken",
+        reason,
+    })
 }
 
 /// The owner that a claim names, and when it was last touched; `None` where there is no claim.
@@ -180,19 +214,28 @@ fn read(path: &Path) -> Result<Option<(Owner, SystemTime)>, RecordError> {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
         Err(error) => return Err(super::opened_or(path, "read")(error)),
     };
-    let touched = file.metadata().and_then(|file| file.modified()).map_err(io_error("read", path))?;
-    let Some(text) = read_bounded(path, LIMIT)? else { return Ok(None) };
+    let touched = file
+        .metadata()
+        .and_then(|file| file.modified())
+        .map_err(io_error("read", path))?;
+    let Some(text) = read_bounded(path, LIMIT)? else {
+        return Ok(None);
+    };
     match Owner::read(&text) {
         Some(owner) => Ok(Some((owner, touched))),
         None => {
             let reason = "it names no owner; remove it where nobody works on the run".to_owned();
-            Err(RecordError::Malformed { path: path.to_owned(), expected: "a claim", reason })
+            Err(RecordError::Malformed {
+                path: path.to_owned(),
+                expected: "a claim",
+                reason,
+            })
         }
     }
 }
 
-/// Whether each claim of the chain on `place` still leads to the next. Where it does, none has been removed since the chain was
-/// read: owners remove the first one first, and no number comes again.
+/// Whether each claim of the chain on `place` still leads to the next. Where it does, none has been
+/// removed since the chain was read: owners remove the first one first, and no number comes again.
 fn leads_to(place: &Path, chain: &[PathBuf]) -> Result<bool, RecordError> {
     for pair in chain.windows(2) {
         let owner = read(&pair[0])?;
@@ -217,9 +260,14 @@ fn is_linked(file: &File) -> bool {
     }
 }
 
-/// Touches `file`, the claim at `place`, now and then until what this gives is dropped, and tells when it is lost: another one
-/// lies behind it at `next`.
-fn touch(file: File, next: PathBuf, place: PathBuf, lost: Arc<AtomicBool>) -> io::Result<Sender<()>> {
+/// Touches `file`, the claim at `place`, now and then until what this gives is dropped, and tells
+/// when it is lost: another one lies behind it at `next`.
+fn touch(
+    file: File,
+    next: PathBuf,
+    place: PathBuf,
+    lost: Arc<AtomicBool>,
+) -> io::Result<Sender<()>> {
     let (sender, receiver) = mpsc::channel();
     let beat = move || {
         while receiver.recv_timeout(BEAT) == Err(RecvTimeoutError::Timeout) {
@@ -230,7 +278,9 @@ fn touch(file: File, next: PathBuf, place: PathBuf, lost: Arc<AtomicBool>) -> io
             let _ = stamp(&file); // the next one may succeed
         }
     };
-    thread::Builder::new().name("claim".to_owned()).spawn(beat)?;
+    thread::Builder::new()
+        .name("claim".to_owned())
+        .spawn(beat)?;
     Ok(sender)
 }
 
@@ -239,8 +289,17 @@ fn stamp(file: &File) -> io::Result<()> {
     #[cfg(unix)]
     {
         use rustix::fs::{Timespec, Timestamps, UTIME_NOW};
-        let now = Timespec { tv_sec: 0, tv_nsec: UTIME_NOW };
-        Ok(rustix::fs::futimens(file, &Timestamps { last_access: now, last_modification: now })?)
+        let now = Timespec {
+            tv_sec: 0,
+            tv_nsec: UTIME_NOW,
+        };
+        Ok(rustix::fs::futimens(
+            file,
+            &Timestamps {
+                last_access: now,
+                last_modification: now,
+            },
+        )?)
     }
     #[cfg(not(unix))]
     {
@@ -269,7 +328,9 @@ mod tests {
     }
 
     fn files(paths: &RunPaths) -> usize {
-        fs::read_dir(paths.claim.parent().expect("a folder")).expect("readable").count()
+        fs::read_dir(paths.claim.parent().expect("a folder"))
+            .expect("readable")
+            .count()
     }
 
     #[test]
@@ -277,7 +338,10 @@ mod tests {
         let (_folder, paths) = bench();
         assert!(!Claim::is_held(&paths).expect("no file is no claim"));
         let claim = Claim::take(&paths).expect("made").expect("free");
-        assert!(Claim::take(&paths).expect("no error").is_none(), "claimed twice");
+        assert!(
+            Claim::take(&paths).expect("no error").is_none(),
+            "claimed twice"
+        );
         assert!(Claim::is_held(&paths).expect("readable") && !claim.is_lost());
         drop(claim);
         assert!(!Claim::is_held(&paths).expect("readable"));
@@ -288,15 +352,26 @@ mod tests {
     #[test]
     fn a_process_that_died_here_holds_nobody_off() {
         let (_folder, paths) = bench();
-        let mut child = std::process::Command::new("sleep").arg("60").spawn().expect("it starts");
+        let mut child = std::process::Command::new("sleep")
+            .arg("60")
+            .spawn()
+            .expect("it starts");
         let owner = Owner::process(child.id());
         left_by(&paths.claim, &owner, Duration::from_secs(3600));
-        assert!(Claim::is_held(&paths).expect("readable"), "it lives, though it is silent");
+        assert!(
+            Claim::is_held(&paths).expect("readable"),
+            "it lives, though it is silent"
+        );
         assert!(Claim::take_now(&paths.claim).expect("no error").is_none());
         child.kill().and_then(|()| child.wait()).expect("it ends");
         assert!(!Claim::is_held(&paths).expect("readable"));
-        let claim = Claim::take_now(&paths.claim).expect("no error").expect("free");
-        assert!(Claim::take_now(&paths.claim).expect("no error").is_none(), "claimed twice");
+        let claim = Claim::take_now(&paths.claim)
+            .expect("no error")
+            .expect("free");
+        assert!(
+            Claim::take_now(&paths.claim).expect("no error").is_none(),
+            "claimed twice"
+        );
         drop(claim);
         assert_eq!(files(&paths), 0, "something was left");
     }
@@ -307,11 +382,14 @@ mod tests {
         let elsewhere = Owner::elsewhere();
         left_by(&paths.claim, &elsewhere, SILENCE - Duration::from_secs(20));
         assert!(
-            Claim::take_now(&paths.claim).expect("no error").is_none() && Claim::is_held(&paths).expect("readable")
+            Claim::take_now(&paths.claim).expect("no error").is_none()
+                && Claim::is_held(&paths).expect("readable")
         );
         left_by(&paths.claim, &elsewhere, SILENCE + Duration::from_secs(20));
         assert!(!Claim::is_held(&paths).expect("readable"));
-        let claim = Claim::take_now(&paths.claim).expect("no error").expect("free");
+        let claim = Claim::take_now(&paths.claim)
+            .expect("no error")
+            .expect("free");
         // The dead one's next sign of life changes nothing.
         left_by(&paths.claim, &elsewhere, Duration::ZERO);
         assert!(!claim.is_lost());
@@ -333,13 +411,23 @@ mod tests {
             let (_folder, paths) = bench();
             let dead = Owner::elsewhere();
             left_by(&paths.claim, &dead, 2 * SILENCE);
-            left_by(&behind(&paths.claim, &dead), &Owner::elsewhere(), 2 * SILENCE);
+            left_by(
+                &behind(&paths.claim, &dead),
+                &Owner::elsewhere(),
+                2 * SILENCE,
+            );
             let (holders, had) = (AtomicUsize::new(0), AtomicUsize::new(0));
             thread::scope(|scope| {
                 for _ in 0..8 {
                     scope.spawn(|| {
-                        let Some(_claim) = Claim::take(&paths).expect("no error") else { return };
-                        assert_eq!(holders.fetch_add(1, Ordering::SeqCst), 0, "two hold it, in round {round}");
+                        let Some(_claim) = Claim::take(&paths).expect("no error") else {
+                            return;
+                        };
+                        assert_eq!(
+                            holders.fetch_add(1, Ordering::SeqCst),
+                            0,
+                            "two hold it, in round {round}"
+                        );
                         had.fetch_add(1, Ordering::SeqCst);
                         thread::sleep(Duration::from_millis(3));
                         holders.fetch_sub(1, Ordering::SeqCst);

@@ -1,9 +1,10 @@
 //! Whether two recordings of one run hold the same numbers, and the first one that differs.
 //!
-//! Within one numeric class ([`Build::numeric_class`](super::Build::numeric_class)) that means the same bits of every row and
-//! of the policy, what a clock said apart. Between classes the last bits differ from the first step on, and the physics
-//! amplifies that: with products summed in another order, the rows of `experiments/ci.toml` deviate by up to 3 parts in 100
-//! in the first iteration and in every digit in the second. So there the first iteration and the evaluations before it are
+//! Within one numeric class ([`Build::numeric_class`](super::Build::numeric_class)) that means the
+//! same bits of every row and of the policy, what a clock said apart. Between classes the last bits
+//! differ from the first step on, and the physics amplifies that: with products summed in another
+//! order, the rows of `experiments/ci.toml` deviate by up to 3 parts in 100 in the first iteration
+//! and in every digit in the second. So there the first iteration and the evaluations before it are
 //! held to [`TOLERANCE`], words and counts exactly, and nothing after them is compared.
 
 use std::path::Path;
@@ -14,10 +15,12 @@ use crate::{
     parquet::{Cell, Cells, Table},
 };
 
-/// How far a number of the first iteration may be from the recorded one in another numeric class, as a part of the larger
-/// one: nearly twice what was seen (0.027) between sums in vectors of 16 numbers and sums in order.
+/// How far a number of the first iteration may be from the recorded one in another numeric class,
+/// as a part of the larger one: nearly twice what was seen (0.027) between sums in vectors of 16
+/// numbers and sums in order.
 pub const TOLERANCE: f64 = 0.05;
-/// What is nearer than this is equal in another numeric class: sums that cancel keep no relative precision.
+/// What is nearer than this is equal in another numeric class: sums that cancel keep no relative
+/// precision.
 const NEGLIGIBLE: f64 = 1e-6;
 
 /// How equal two recordings must be.
@@ -43,14 +46,19 @@ pub struct Difference {
     pub computed: String,
 }
 
-/// The first difference between the finished run in the folder `recorded` and the same run in `computed`.
+/// The first difference between the finished run in the folder `recorded` and the same run in
+/// `computed`.
 ///
 /// The policies are compared by their digests, so that a record may do without the file.
 ///
 /// # Errors
 ///
 /// A file is missing or not what its name says.
-pub fn runs(recorded: &Path, computed: &Path, exactness: Exactness) -> Result<Option<Difference>, RecordError> {
+pub fn runs(
+    recorded: &Path,
+    computed: &Path,
+    exactness: Exactness,
+) -> Result<Option<Difference>, RecordError> {
     for table in [RunPaths::progress, RunPaths::evaluations] {
         let difference = tables(&table(recorded), &table(computed), exactness)?;
         if difference.is_some() {
@@ -60,7 +68,12 @@ pub fn runs(recorded: &Path, computed: &Path, exactness: Exactness) -> Result<Op
     if exactness == Exactness::FirstIteration {
         return Ok(None);
     }
-    Ok(differing("policy", "digest", digest(recorded)?, digest(computed)?))
+    Ok(differing(
+        "policy",
+        "digest",
+        digest(recorded)?,
+        digest(computed)?,
+    ))
 }
 
 /// The first difference between two tables of rows of one kind.
@@ -68,9 +81,14 @@ pub fn runs(recorded: &Path, computed: &Path, exactness: Exactness) -> Result<Op
 /// # Errors
 ///
 /// A file is missing or no table of results.
-pub fn tables(recorded: &Path, computed: &Path, exactness: Exactness) -> Result<Option<Difference>, RecordError> {
+pub fn tables(
+    recorded: &Path,
+    computed: &Path,
+    exactness: Exactness,
+) -> Result<Option<Difference>, RecordError> {
     let (before, now) = (rows::read(recorded)?, rows::read(computed)?);
-    let columns = |path, table: &Table| Columns::of(table).map_err(|reason| rows::malformed(path, reason));
+    let columns =
+        |path, table: &Table| Columns::of(table).map_err(|reason| rows::malformed(path, reason));
     let (before, now) = (columns(recorded, &before)?, columns(computed, &now)?);
     first_difference(&before, &now, exactness).map_err(|reason| rows::malformed(recorded, reason))
 }
@@ -81,10 +99,16 @@ pub fn tables(recorded: &Path, computed: &Path, exactness: Exactness) -> Result<
 ///
 /// A file is missing or no policy.
 pub fn policies(recorded: &Path, computed: &Path) -> Result<Option<Difference>, RecordError> {
-    Ok(differing("policy", "digest", Some(policy::digest(recorded)?), Some(policy::digest(computed)?)))
+    Ok(differing(
+        "policy",
+        "digest",
+        Some(policy::digest(recorded)?),
+        Some(policy::digest(computed)?),
+    ))
 }
 
-/// The digest of a run's policy: of the file where it is there, else the one in its manifest; `None` for a run without.
+/// The digest of a run's policy: of the file where it is there, else the one in its manifest;
+/// `None` for a run without.
 fn digest(folder: &Path) -> Result<Option<String>, RecordError> {
     let path = RunPaths::policy(folder);
     if path.exists() {
@@ -93,7 +117,12 @@ fn digest(folder: &Path) -> Result<Option<String>, RecordError> {
     Ok(Manifest::read(&RunPaths::manifest(folder))?.and_then(|manifest| manifest.policy))
 }
 
-fn differing(place: &str, column: &str, recorded: Option<String>, computed: Option<String>) -> Option<Difference> {
+fn differing(
+    place: &str,
+    column: &str,
+    recorded: Option<String>,
+    computed: Option<String>,
+) -> Option<Difference> {
     let shown = |value: Option<String>| value.unwrap_or_else(|| "none".to_owned());
     (recorded != computed).then(|| Difference {
         place: place.to_owned(),
@@ -112,26 +141,52 @@ struct Columns {
 impl Columns {
     fn of(table: &Table) -> Result<Self, String> {
         let named = |name: &str| Ok((name.to_owned(), table.cells(name)?));
-        let cells = table.columns().into_iter().map(named).collect::<Result<_, String>>()?;
-        Ok(Self { cells, height: table.rows() })
+        let cells = table
+            .columns()
+            .into_iter()
+            .map(named)
+            .collect::<Result<_, String>>()?;
+        Ok(Self {
+            cells,
+            height: table.rows(),
+        })
     }
 
     fn names(&self) -> String {
-        self.cells.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ")
+        self.cells
+            .iter()
+            .map(|(name, _)| name.as_str())
+            .collect::<Vec<_>>()
+            .join(", ")
     }
 
     /// The whole number of `row` in column `name`; `None` where there is no such column.
     fn number(&self, name: &str, row: usize) -> Option<u64> {
-        match self.cells.iter().find(|(found, _)| found == name)?.1.get(row) {
+        match self
+            .cells
+            .iter()
+            .find(|(found, _)| found == name)?
+            .1
+            .get(row)
+        {
             Cell::Unsigned(number) => Some(number),
             _ => None,
         }
     }
 }
 
-fn first_difference(before: &Columns, now: &Columns, exactness: Exactness) -> Result<Option<Difference>, String> {
+fn first_difference(
+    before: &Columns,
+    now: &Columns,
+    exactness: Exactness,
+) -> Result<Option<Difference>, String> {
     if before.names() != now.names() {
-        return Ok(differing("table", "its columns", Some(before.names()), Some(now.names())));
+        return Ok(differing(
+            "table",
+            "its columns",
+            Some(before.names()),
+            Some(now.names()),
+        ));
     }
     for row in 0..before.height.max(now.height) {
         let there = |columns: &Columns| row < columns.height;
@@ -146,7 +201,12 @@ fn first_difference(before: &Columns, now: &Columns, exactness: Exactness) -> Re
         for ((name, recorded), (_, computed)) in before.cells.iter().zip(&now.cells) {
             let (recorded, computed) = (recorded.get(row), computed.get(row));
             if !measured::is_of_clock(name) && !equal(&recorded, &computed, exactness) {
-                return Ok(differing(&place.name, name, Some(shown(&recorded)), Some(shown(&computed))));
+                return Ok(differing(
+                    &place.name,
+                    name,
+                    Some(shown(&recorded)),
+                    Some(shown(&computed)),
+                ));
             }
         }
     }
@@ -161,12 +221,21 @@ struct RowPlace {
 
 fn place(columns: &Columns, row: usize) -> Result<RowPlace, String> {
     if let Some(iteration) = columns.number(progress::ITERATION.name, row) {
-        return Ok(RowPlace { name: format!("iteration {iteration}"), first: iteration == 1 });
+        return Ok(RowPlace {
+            name: format!("iteration {iteration}"),
+            first: iteration == 1,
+        });
     }
-    let numbers = columns.number(evaluations::ENV_STEPS.name, row).zip(columns.number(evaluations::EPISODE.name, row));
-    let (env_steps, episode) = numbers.ok_or_else(|| format!("row {row} names no iteration and no episode"))?;
+    let numbers = columns
+        .number(evaluations::ENV_STEPS.name, row)
+        .zip(columns.number(evaluations::EPISODE.name, row));
+    let (env_steps, episode) =
+        numbers.ok_or_else(|| format!("row {row} names no iteration and no episode"))?;
     let name = format!("evaluation after {env_steps} steps, episode {episode}");
-    Ok(RowPlace { name, first: env_steps == 0 })
+    Ok(RowPlace {
+        name,
+        first: env_steps == 0,
+    })
 }
 
 fn equal(recorded: &Cell, computed: &Cell, exactness: Exactness) -> bool {
@@ -202,23 +271,45 @@ mod tests {
     };
 
     /// A finished run of these rows, with a policy of which the digest alone is kept.
-    fn recorded(iterations: &[Iteration], evaluations: &[EvaluationEpisode], policy: &str) -> tempfile::TempDir {
+    fn recorded(
+        iterations: &[Iteration],
+        evaluations: &[EvaluationEpisode],
+        policy: &str,
+    ) -> tempfile::TempDir {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path();
-        rows::write_progress(&RunPaths::progress(path), &keys(None), &stamp(), iterations).expect("written");
-        rows::write_evaluations(&RunPaths::evaluations(path), &keys(None), &stamp(), evaluations).expect("written");
-        let manifest = Manifest { policy: Some(policy.to_owned()), ..Manifest::new(stamp()) };
+        rows::write_progress(&RunPaths::progress(path), &keys(None), &stamp(), iterations)
+            .expect("written");
+        rows::write_evaluations(
+            &RunPaths::evaluations(path),
+            &keys(None),
+            &stamp(),
+            evaluations,
+        )
+        .expect("written");
+        let manifest = Manifest {
+            policy: Some(policy.to_owned()),
+            ..Manifest::new(stamp())
+        };
         manifest.write(&RunPaths::manifest(path)).expect("written");
         folder
     }
 
     fn rows() -> (Vec<Iteration>, Vec<EvaluationEpisode>) {
-        let before = EvaluationEpisode { env_steps: 0, ..episode(0) };
-        ((1..=3).map(iteration).collect(), vec![before, episode(0), episode(1)])
+        let before = EvaluationEpisode {
+            env_steps: 0,
+            ..episode(0)
+        };
+        (
+            (1..=3).map(iteration).collect(),
+            vec![before, episode(0), episode(1)],
+        )
     }
 
     /// The difference, in both ways of comparing, that `change` makes.
-    fn told(change: impl FnOnce(&mut Vec<Iteration>, &mut Vec<EvaluationEpisode>)) -> [Option<String>; 2] {
+    fn told(
+        change: impl FnOnce(&mut Vec<Iteration>, &mut Vec<EvaluationEpisode>),
+    ) -> [Option<String>; 2] {
         let (mut iterations, mut evaluations) = rows();
         let whole = recorded(&iterations, &evaluations, "p");
         change(&mut iterations, &mut evaluations);
@@ -235,32 +326,52 @@ mod tests {
             let kl = iterations[0].update.kl.as_mut().expect("there");
             *kl = kl.next_up();
         });
-        assert_eq!(bits.as_deref(), Some("iteration 1, kl: recorded 0.30000000000000004, now 0.3000000000000001"));
+        assert_eq!(
+            bits.as_deref(),
+            Some("iteration 1, kl: recorded 0.30000000000000004, now 0.3000000000000001")
+        );
         assert_eq!(first, None);
         let [bits, first] = told(|_, evaluations| evaluations[2].length += 1);
-        assert_eq!(bits.as_deref(), Some("evaluation after 100 steps, episode 1, length: recorded 7, now 8"));
+        assert_eq!(
+            bits.as_deref(),
+            Some("evaluation after 100 steps, episode 1, length: recorded 7, now 8")
+        );
         assert_eq!(first, None);
     }
 
     #[test]
     fn another_class_forgives_neither_more_than_the_tolerance_nor_another_word() {
-        let [_, first] = told(|iterations, _| iterations[0].update.kl = Some(0.3 * (1.0 + 2.0 * TOLERANCE)));
+        let [_, first] =
+            told(|iterations, _| iterations[0].update.kl = Some(0.3 * (1.0 + 2.0 * TOLERANCE)));
         assert!(first.is_some_and(|difference| difference.starts_with("iteration 1, kl")));
         let [_, first] = told(|iterations, _| iterations[0].update.kl = Some(f64::NAN));
         assert!(first.is_some_and(|difference| difference.contains("now NaN")));
         let [_, first] = told(|iterations, _| iterations[0].update.case = None);
-        assert!(first.is_some_and(|difference| difference.starts_with("iteration 1, case: recorded \"active\"")));
+        assert!(first.is_some_and(|difference| {
+            difference.starts_with("iteration 1, case: recorded \"active\"")
+        }));
         let [_, first] = told(|_, evaluations| evaluations[0].dense_return = 1.0);
-        assert!(first.is_some_and(|difference| difference.starts_with("evaluation after 0 steps, episode 0, dense")));
+        assert!(first.is_some_and(|difference| {
+            difference.starts_with("evaluation after 0 steps, episode 0, dense")
+        }));
         let [_, first] = told(|iterations, _| iterations.clear());
-        assert_eq!(first.as_deref(), Some("iteration 1, the row: recorded there, now absent"));
+        assert_eq!(
+            first.as_deref(),
+            Some("iteration 1, the row: recorded there, now absent")
+        );
     }
 
     #[test]
     fn what_a_clock_said_does_not_count_and_every_row_does() {
-        assert_eq!(told(|iterations, _| iterations[1].update_seconds = 9.0), [None, None]);
+        assert_eq!(
+            told(|iterations, _| iterations[1].update_seconds = 9.0),
+            [None, None]
+        );
         let [bits, first] = told(|iterations, _| iterations.truncate(2));
-        assert_eq!(bits.as_deref(), Some("iteration 3, the row: recorded there, now absent"));
+        assert_eq!(
+            bits.as_deref(),
+            Some("iteration 3, the row: recorded there, now absent")
+        );
         assert_eq!(first, None);
     }
 
@@ -268,7 +379,9 @@ mod tests {
     fn another_policy_is_a_difference_and_a_missing_table_an_error() {
         let (iterations, evaluations) = rows();
         let [whole, other] = ["p", "q"].map(|policy| recorded(&iterations, &evaluations, policy));
-        let difference = runs(whole.path(), other.path(), Exactness::Bits).expect("readable").expect("another policy");
+        let difference = runs(whole.path(), other.path(), Exactness::Bits)
+            .expect("readable")
+            .expect("another policy");
         assert_eq!(difference.to_string(), "policy, digest: recorded p, now q");
         fs::remove_file(RunPaths::progress(whole.path())).expect("it was there");
         assert!(runs(whole.path(), other.path(), Exactness::Bits).is_err());

@@ -4,7 +4,8 @@ use std::{env, fs::File, io, sync::LazyLock};
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// BLAKE3 of an executable file: this program's, read when it is first wanted, or one that a record names.
+/// BLAKE3 of an executable file: this program's, read when it is first wanted, or one that a record
+/// names.
 #[derive(Debug, Clone)]
 pub enum Executable {
     /// This program's.
@@ -55,11 +56,16 @@ mod tests {
 
     #[test]
     fn it_is_the_digest_of_the_whole_file() {
-        let bytes = env::current_exe().and_then(std::fs::read).expect("this program's file");
+        let bytes = env::current_exe()
+            .and_then(std::fs::read)
+            .expect("this program's file");
         let expected = blake3::hash(&bytes).to_hex().to_string();
         assert_eq!(Executable::This.digest(), expected);
         assert_eq!(Executable::This, Executable::Recorded(expected.clone()));
         assert_ne!(Executable::This, Executable::Recorded("0".repeat(64)));
-        assert_eq!(serde_json::to_value(Executable::This).expect("text"), expected);
+        assert_eq!(
+            serde_json::to_value(Executable::This).expect("text"),
+            expected
+        );
     }
 }

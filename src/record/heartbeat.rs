@@ -21,16 +21,22 @@ pub struct Heartbeat {
 }
 
 impl Heartbeat {
-    /// Writes it. Neither synced nor renamed: it is worth nothing after a power cut, and one that is read half-written
-    /// counts as absent.
+    /// Writes it. Neither synced nor renamed: it is worth nothing after a power cut, and one that
+    /// is read half-written counts as absent.
     ///
     /// # Errors
     ///
     /// The disk refuses.
     pub fn write(&self, path: &Path) -> Result<(), RecordError> {
-        let text = serde_json::to_vec(self).map_err(|error| io_error("write", path)(error.into()))?;
-        let options = OpenOptions::new().write(true).create(true).truncate(true).clone();
-        let mut file = intake::open(path, Links::Refuse, &options).map_err(opened_or(path, "write"))?;
+        let text =
+            serde_json::to_vec(self).map_err(|error| io_error("write", path)(error.into()))?;
+        let options = OpenOptions::new()
+            .write(true)
+            .create(true)
+            .truncate(true)
+            .clone();
+        let mut file =
+            intake::open(path, Links::Refuse, &options).map_err(opened_or(path, "write"))?;
         file.write_all(&text).map_err(io_error("write", path))
     }
 
@@ -48,21 +54,35 @@ mod tests {
     #[test]
     fn a_link_in_its_place_leaves_the_other_file_alone() {
         let folder = tempfile::tempdir().expect("a folder");
-        let (path, other) = (folder.path().join("heartbeat.json"), folder.path().join("other"));
+        let (path, other) = (
+            folder.path().join("heartbeat.json"),
+            folder.path().join("other"),
+        );
         std::fs::write(&other, "somebody's").expect("written");
         std::os::unix::fs::symlink(&other, &path).expect("linked");
-        let heartbeat =
-            Heartbeat { env_steps: 5, steps_per_second: 2.0, training_return: None, written: super::super::now() };
+        let heartbeat = Heartbeat {
+            env_steps: 5,
+            steps_per_second: 2.0,
+            training_return: None,
+            written: super::super::now(),
+        };
         assert!(heartbeat.write(&path).is_err());
-        assert_eq!(std::fs::read_to_string(&other).expect("readable"), "somebody's");
+        assert_eq!(
+            std::fs::read_to_string(&other).expect("readable"),
+            "somebody's"
+        );
     }
 
     #[test]
     fn half_a_heartbeat_counts_as_none() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("heartbeat.json");
-        let heartbeat =
-            Heartbeat { env_steps: 5, steps_per_second: 2.0, training_return: None, written: super::super::now() };
+        let heartbeat = Heartbeat {
+            env_steps: 5,
+            steps_per_second: 2.0,
+            training_return: None,
+            written: super::super::now(),
+        };
         assert_eq!(Heartbeat::read(&path), None);
         heartbeat.write(&path).expect("written");
         assert_eq!(Heartbeat::read(&path), Some(heartbeat));

@@ -48,8 +48,13 @@ impl TableDigests {
     pub fn of(folder: &Path) -> Result<Self, RecordError> {
         let digest = |path: &Path| {
             let bytes = read_bounded(path, rows::LIMIT)?;
-            let absent = || RecordError::Damaged { path: path.to_owned(), reason: "it is missing".to_owned() };
-            Ok(blake3::hash(&bytes.ok_or_else(absent)?).to_hex().to_string())
+            let absent = || RecordError::Damaged {
+                path: path.to_owned(),
+                reason: "it is missing".to_owned(),
+            };
+            Ok(blake3::hash(&bytes.ok_or_else(absent)?)
+                .to_hex()
+                .to_string())
         };
         Ok(Self {
             progress: digest(&RunPaths::progress(folder))?,
@@ -116,7 +121,13 @@ impl Manifest {
 
     /// The same run, taken up again by the program that `stamp` tells of.
     pub fn taken_up(self, stamp: Stamp) -> Self {
-        Self { stamp, policy: None, tables: None, outcome: Outcome::Begun, ..self }
+        Self {
+            stamp,
+            policy: None,
+            tables: None,
+            outcome: Outcome::Begun,
+            ..self
+        }
     }
 
     /// Reads `run.json`; `None` where there is none.
@@ -125,7 +136,9 @@ impl Manifest {
     ///
     /// It is there and cannot be read, or is not a manifest.
     pub fn read(path: &Path) -> Result<Option<Self>, RecordError> {
-        let Some(bytes) = read_bounded(path, LIMIT)? else { return Ok(None) };
+        let Some(bytes) = read_bounded(path, LIMIT)? else {
+            return Ok(None);
+        };
         let manifest = serde_json::from_slice(&bytes).map_err(|error| RecordError::Malformed {
             path: path.to_owned(),
             expected: "a run's manifest",
@@ -140,18 +153,23 @@ impl Manifest {
     ///
     /// The disk refuses.
     pub fn write(&self, path: &Path) -> Result<(), RecordError> {
-        let mut bytes = serde_json::to_vec_pretty(self).map_err(|error| RecordError::Malformed {
-            path: path.to_owned(),
-            expected: "a run's manifest",
-            reason: error.to_string(),
-        })?;
+        let mut bytes =
+            serde_json::to_vec_pretty(self).map_err(|error| RecordError::Malformed {
+                path: path.to_owned(),
+                expected: "a run's manifest",
+                reason: error.to_string(),
+            })?;
         bytes.push(b'\n');
         write_atomically(path, &bytes)
     }
 
     /// Ends the attempt under way, with what it died of, if it did.
     pub fn end_attempt(&mut self, error: Option<String>) {
-        if let Some(attempt) = self.attempts.last_mut().filter(|attempt| attempt.ended.is_none()) {
+        if let Some(attempt) = self
+            .attempts
+            .last_mut()
+            .filter(|attempt| attempt.ended.is_none())
+        {
             attempt.ended = Some(now());
             attempt.error = error;
         }
@@ -159,12 +177,17 @@ impl Manifest {
 
     /// # Errors
     ///
-    /// A table of this finished run in `folder` is missing or not what was recorded; nothing is known of those that an
-    /// older program wrote.
+    /// A table of this finished run in `folder` is missing or not what was recorded; nothing is
+    /// known of those that an older program wrote.
     pub fn check_tables(&self, folder: &Path) -> Result<(), RecordError> {
-        let Some(recorded) = &self.tables else { return Ok(()) };
+        let Some(recorded) = &self.tables else {
+            return Ok(());
+        };
         let found = TableDigests::of(folder)?;
-        let damaged = |path| RecordError::Damaged { path, reason: "it is not what was recorded".to_owned() };
+        let damaged = |path| RecordError::Damaged {
+            path,
+            reason: "it is not what was recorded".to_owned(),
+        };
         if found.progress != recorded.progress {
             return Err(damaged(RunPaths::progress(folder)));
         }
@@ -174,17 +197,25 @@ impl Manifest {
         Ok(())
     }
 
-    /// Whether all of it was computed on the class of machine that `stamp` names: a run that was taken up on another one has
-    /// bits that no machine repeats. Attempts whose work was lost do not count.
+    /// Whether all of it was computed on the class of machine that `stamp` names: a run that was
+    /// taken up on another one has bits that no machine repeats. Attempts whose work was lost do
+    /// not count.
     pub fn is_of_one_class(&self) -> bool {
         let counts = |index: usize| {
             let next = self.attempts.get(index + 1);
             next.is_none_or(|next| next.from_env_steps > self.attempts[index].from_env_steps)
         };
-        let Build { cpu_class, libm, .. } = &self.stamp.build;
-        let known =
-            self.attempts.iter().enumerate().filter(|(index, attempt)| counts(*index) && !attempt.libm.is_empty());
-        let classes: BTreeSet<_> = known.map(|(_, attempt)| (&attempt.cpu_class, &attempt.libm)).collect();
+        let Build {
+            cpu_class, libm, ..
+        } = &self.stamp.build;
+        let known = self
+            .attempts
+            .iter()
+            .enumerate()
+            .filter(|(index, attempt)| counts(*index) && !attempt.libm.is_empty());
+        let classes: BTreeSet<_> = known
+            .map(|(_, attempt)| (&attempt.cpu_class, &attempt.libm))
+            .collect();
         classes.iter().all(|class| *class == (cpu_class, libm))
     }
 
@@ -221,7 +252,12 @@ mod tests {
         let path = folder.path().join("run.json");
         assert_eq!(Manifest::read(&path).expect("absence is no error"), None);
         std::fs::write(&path, "{\"outcome\":").expect("written");
-        assert!(Manifest::read(&path).expect_err("half a file").to_string().contains("run.json"));
+        assert!(
+            Manifest::read(&path)
+                .expect_err("half a file")
+                .to_string()
+                .contains("run.json")
+        );
     }
 
     #[test]
@@ -241,7 +277,10 @@ mod tests {
         });
         manifest.end_attempt(Some("diverged".to_owned()));
         manifest.end_attempt(Some("ended before".to_owned()));
-        manifest.outcome = Outcome::Failed { error: "diverged".to_owned(), log_tail: vec!["last".to_owned()] };
+        manifest.outcome = Outcome::Failed {
+            error: "diverged".to_owned(),
+            log_tail: vec!["last".to_owned()],
+        };
         manifest.write(&path).expect("written");
         let read = Manifest::read(&path).expect("readable").expect("there");
         assert_eq!(read, manifest);
@@ -252,7 +291,9 @@ mod tests {
     #[test]
     fn a_run_that_two_classes_computed_is_not_of_one() {
         let mut manifest = manifest();
-        let Build { cpu_class, libm, .. } = manifest.stamp.build.clone();
+        let Build {
+            cpu_class, libm, ..
+        } = manifest.stamp.build.clone();
         let mut attempt = |from_env_steps, cpu_class: &str| {
             manifest.attempts.push(Attempt {
                 began: now(),
@@ -269,23 +310,42 @@ mod tests {
         assert!(!attempt(0, "sparc64"));
         assert!(attempt(0, &cpu_class), "the work on the other one was lost");
         assert!(attempt(512, &cpu_class));
-        assert!(!attempt(512, "sparc64") && !attempt(1024, &cpu_class), "its work counts");
+        assert!(
+            !attempt(512, "sparc64") && !attempt(1024, &cpu_class),
+            "its work counts"
+        );
     }
 
     #[test]
     fn a_table_that_is_not_the_recorded_one_is_damage() {
         let folder = tempfile::tempdir().expect("a folder");
-        let (progress, evaluations) = (RunPaths::progress(folder.path()), RunPaths::evaluations(folder.path()));
+        let (progress, evaluations) = (
+            RunPaths::progress(folder.path()),
+            RunPaths::evaluations(folder.path()),
+        );
         std::fs::write(&progress, "rows").expect("written");
-        assert!(TableDigests::of(folder.path()).expect_err("half").to_string().contains("evaluations.parquet"));
+        assert!(
+            TableDigests::of(folder.path())
+                .expect_err("half")
+                .to_string()
+                .contains("evaluations.parquet")
+        );
         std::fs::write(&evaluations, "episodes").expect("written");
         let tables = TableDigests::of(folder.path()).expect("both are there");
-        let manifest = Manifest { tables: Some(tables), ..manifest() };
+        let manifest = Manifest {
+            tables: Some(tables),
+            ..manifest()
+        };
         assert!(manifest.check_tables(folder.path()).is_ok());
         for (path, whole) in [(progress, "rows"), (evaluations, "episodes")] {
             std::fs::write(&path, "other").expect("written");
-            let error = manifest.check_tables(folder.path()).expect_err("another table");
-            assert!(error.to_string().contains(&path.display().to_string()), "{error}");
+            let error = manifest
+                .check_tables(folder.path())
+                .expect_err("another table");
+            assert!(
+                error.to_string().contains(&path.display().to_string()),
+                "{error}"
+            );
             std::fs::remove_file(&path).expect("there");
             assert!(manifest.check_tables(folder.path()).is_err());
             std::fs::write(&path, whole).expect("written");

@@ -1,8 +1,9 @@
 //! What runs leave on the disk, and how it is read back.
 //!
-//! Owns the layout of the results, the Parquet rows, policies, manifests, checkpoints and claims, and the rule that whatever
-//! is final is written beside its place, synced and renamed into it. Knows nothing of queues, processes or figures: it is told
-//! what happened. Start at [`RunPaths`], then [`rows`] and [`Manifest`].
+//! Owns the layout of the results, the Parquet rows, policies, manifests, checkpoints and claims,
+//! and the rule that whatever is final is written beside its place, synced and renamed into it.
+//! Knows nothing of queues, processes or figures: it is told what happened. Start at [`RunPaths`],
+//! then [`rows`] and [`Manifest`].
 
 pub mod checkpoint;
 mod claim;
@@ -104,24 +105,35 @@ fn hint(source: &io::Error) -> &'static str {
 /// Turns an [`io::Error`] into ours, with what was being done to which file.
 pub(crate) fn io_error(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> RecordError {
     let path = path.to_owned();
-    move |source| RecordError::Io { action, path, source }
+    move |source| RecordError::Io {
+        action,
+        path,
+        source,
+    }
 }
 
-/// Writes a file whole or not at all: beside its place, synced, renamed. Whoever reads `path` at any instant, after a power
-/// cut too, finds the old content or the new.
+/// Writes a file whole or not at all: beside its place, synced, renamed. Whoever reads `path` at
+/// any instant, after a power cut too, finds the old content or the new.
 ///
 /// # Errors
 ///
 /// The folder is missing, full or not writable; `path` is then as it was.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), RecordError> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = path
+        .parent()
+        .filter(|folder| !folder.as_os_str().is_empty())
+        .unwrap_or(Path::new("."));
     let mut file = beside(folder).map_err(io_error("write", path))?;
-    file.write_all(bytes).and_then(|()| file.as_file().sync_all()).map_err(io_error("write", path))?;
-    file.persist(path).map_err(|error| io_error("write", path)(error.error))?;
+    file.write_all(bytes)
+        .and_then(|()| file.as_file().sync_all())
+        .map_err(io_error("write", path))?;
+    file.persist(path)
+        .map_err(|error| io_error("write", path)(error.error))?;
     sync_folder(folder)
 }
 
-/// An unnamed file in `folder`, readable as the user's other files are (a bare temporary file is its owner's alone).
+/// An unnamed file in `folder`, readable as the user's other files are (a bare temporary file is
+/// its owner's alone).
 fn beside(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(WRITING);
@@ -135,7 +147,9 @@ fn beside(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
 
 /// Makes the names in `folder` outlive a power cut.
 pub(crate) fn sync_folder(folder: &Path) -> Result<(), RecordError> {
-    File::open(folder).and_then(|file| file.sync_all()).map_err(io_error("sync", folder))
+    File::open(folder)
+        .and_then(|file| file.sync_all())
+        .map_err(io_error("sync", folder))
 }
 
 /// Renames `from` to `to` and makes the change outlive a power cut.
@@ -146,7 +160,9 @@ pub(crate) fn rename(from: &Path, to: &Path) -> Result<(), RecordError> {
 
 /// The content of a regular file of at most `limit` bytes; `None` where there is no such file.
 ///
-/// Errors: it is a link, a pipe or the like, or longer, or the system refuses.
+/// # Errors
+///
+/// It is a link, a pipe or the like, or longer, or the system refuses.
 pub(crate) fn read_bounded(path: &Path, limit: u64) -> Result<Option<Vec<u8>>, RecordError> {
     match intake::read(path, Links::Refuse, limit) {
         Ok(bytes) => Ok(Some(bytes)),
@@ -156,13 +172,22 @@ pub(crate) fn read_bounded(path: &Path, limit: u64) -> Result<Option<Vec<u8>>, R
 }
 
 /// Turns what [`intake`] says into ours: that a file is none of ours is no fault of the system's.
-pub(crate) fn opened_or(path: &Path, action: &'static str) -> impl FnOnce(io::Error) -> RecordError {
+pub(crate) fn opened_or(
+    path: &Path,
+    action: &'static str,
+) -> impl FnOnce(io::Error) -> RecordError {
     let path = path.to_owned();
     move |source| match source.kind() {
-        io::ErrorKind::InvalidInput => {
-            RecordError::Malformed { path, expected: "a file of this program", reason: source.to_string() }
-        }
-        _ => RecordError::Io { action, path, source },
+        io::ErrorKind::InvalidInput => RecordError::Malformed {
+            path,
+            expected: "a file of this program",
+            reason: source.to_string(),
+        },
+        _ => RecordError::Io {
+            action,
+            path,
+            source,
+        },
     }
 }
 
@@ -174,11 +199,20 @@ mod tests {
     fn a_write_that_fails_leaves_the_old_content_and_nothing_beside_it() {
         let folder = tempfile::tempdir().expect("a folder");
         let missing = folder.path().join("missing").join("file");
-        assert!(write_atomically(&missing, b"new").expect_err("no folder").to_string().contains("missing"));
+        assert!(
+            write_atomically(&missing, b"new")
+                .expect_err("no folder")
+                .to_string()
+                .contains("missing")
+        );
         let taken = folder.path().join("taken");
         fs::create_dir(&taken).expect("a folder in the way");
         assert!(write_atomically(&taken, b"new").is_err());
-        assert_eq!(fs::read_dir(folder.path()).expect("readable").count(), 1, "a temporary file was left");
+        assert_eq!(
+            fs::read_dir(folder.path()).expect("readable").count(),
+            1,
+            "a temporary file was left"
+        );
     }
 
     #[test]
@@ -187,8 +221,14 @@ mod tests {
         let path = folder.path().join("file");
         write_atomically(&path, b"old").expect("written");
         write_atomically(&path, b"new").expect("written");
-        assert_eq!(read_bounded(&path, 10).expect("readable"), Some(b"new".to_vec()));
+        assert_eq!(
+            read_bounded(&path, 10).expect("readable"),
+            Some(b"new".to_vec())
+        );
         assert!(read_bounded(&path, 2).is_err(), "the limit was not kept");
-        assert_eq!(read_bounded(&folder.path().join("none"), 2).expect("absence is no error"), None);
+        assert_eq!(
+            read_bounded(&folder.path().join("none"), 2).expect("absence is no error"),
+            None
+        );
     }
 }

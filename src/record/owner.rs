@@ -15,8 +15,8 @@ use super::provenance::host;
 pub struct Owner {
     /// The cluster's node, or else the machine's name.
     pub host: String,
-    /// What no other machine has, nor this one after it is started again, nor a container beside this one; empty where the
-    /// system does not tell.
+    /// What no other machine has, nor this one after it is started again, nor a container beside
+    /// this one; empty where the system does not tell.
     machine: String,
     /// The process there.
     pub process: u32,
@@ -35,13 +35,28 @@ impl Owner {
     /// A process of this machine.
     pub(super) fn process(process: u32) -> Self {
         static CLAIMS: AtomicU64 = AtomicU64::new(0);
-        let (host, machine, began) =
-            (Self::node(), machine(), state(process).map(|(_, began)| began).unwrap_or_default());
+        let (host, machine, began) = (
+            Self::node(),
+            machine(),
+            state(process).map(|(_, began)| began).unwrap_or_default(),
+        );
         let nth = CLAIMS.fetch_add(1, Ordering::Relaxed);
-        let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_nanos();
-        let whole = format!("{host} {machine} {process} {began} {} {nth} {now}", process::id());
+        let now = SystemTime::now()
+            .duration_since(SystemTime::UNIX_EPOCH)
+            .unwrap_or_default()
+            .as_nanos();
+        let whole = format!(
+            "{host} {machine} {process} {began} {} {nth} {now}",
+            process::id()
+        );
         let number = blake3::hash(whole.as_bytes()).to_hex()[..24].to_owned();
-        Self { host, machine, process, began, number }
+        Self {
+            host,
+            machine,
+            process,
+            began,
+            number,
+        }
     }
 
     /// Whether it is alive; `None` where that cannot be seen from here.
@@ -49,19 +64,24 @@ impl Owner {
         if self.machine.is_empty() || self.machine != machine() {
             return None;
         }
-        Some(state(self.process).is_some_and(|(state, began)| !"ZX".contains(state) && began == self.began))
+        Some(
+            state(self.process)
+                .is_some_and(|(state, began)| !"ZX".contains(state) && began == self.began),
+        )
     }
 
     /// As it stands in a claim's file.
     pub(super) fn text(&self) -> Vec<u8> {
-        serde_json::to_vec(self).unwrap_or_else(|error| unreachable!("texts and a number are JSON: {error}"))
+        serde_json::to_vec(self)
+            .unwrap_or_else(|error| unreachable!("texts and a number are JSON: {error}"))
     }
 
     /// The owner that a claim's file names.
     pub(super) fn read(text: &[u8]) -> Option<Self> {
         let owner: Self = serde_json::from_slice(text).ok()?;
         // It becomes a file's name.
-        (owner.number.len() == 24 && owner.number.bytes().all(|c| c.is_ascii_hexdigit())).then_some(owner)
+        (owner.number.len() == 24 && owner.number.bytes().all(|c| c.is_ascii_hexdigit()))
+            .then_some(owner)
     }
 
     /// The place in a cluster, where there is one, else the machine's name.
@@ -70,7 +90,8 @@ impl Owner {
     }
 }
 
-/// What tells this machine, in this life and this container, from all others; empty where the system does not say.
+/// What tells this machine, in this life and this container, from all others; empty where the
+/// system does not say.
 fn machine() -> String {
     let boot = fs::read_to_string("/proc/sys/kernel/random/boot_id");
     let processes = fs::read_link("/proc/self/ns/pid");
@@ -85,14 +106,21 @@ fn state(process: u32) -> Option<(char, String)> {
     let text = fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
     // The name before them, in brackets, may hold anything.
     let fields: Vec<&str> = text.rsplit_once(')')?.1.split_whitespace().collect();
-    Some((fields.first()?.chars().next()?, (*fields.get(19)?).to_owned()))
+    Some((
+        fields.first()?.chars().next()?,
+        (*fields.get(19)?).to_owned(),
+    ))
 }
 
 #[cfg(test)]
 impl Owner {
     /// A process on another machine.
     pub(super) fn elsewhere() -> Self {
-        Self { host: "elsewhere".to_owned(), machine: "another boot".to_owned(), ..Self::this() }
+        Self {
+            host: "elsewhere".to_owned(),
+            machine: "another boot".to_owned(),
+            ..Self::this()
+        }
     }
 }
 
@@ -105,11 +133,22 @@ mod tests {
         let this = Owner::this();
         assert_eq!(this.is_alive(), Some(true));
         assert_eq!(
-            Owner { began: "7".to_owned(), ..this.clone() }.is_alive(),
+            Owner {
+                began: "7".to_owned(),
+                ..this.clone()
+            }
+            .is_alive(),
             Some(false),
             "a later one of its number"
         );
-        assert_eq!(Owner { process: u32::MAX, ..this.clone() }.is_alive(), Some(false));
+        assert_eq!(
+            Owner {
+                process: u32::MAX,
+                ..this.clone()
+            }
+            .is_alive(),
+            Some(false)
+        );
         assert_eq!(Owner::elsewhere().is_alive(), None);
         assert_ne!(Owner::this().number, this.number);
     }
@@ -119,7 +158,17 @@ mod tests {
         let this = Owner::this();
         assert_eq!(Owner::read(&this.text()), Some(this.clone()));
         for number in ["", "../../../../../../../x.y", "xyzxyzxyzxyzxyzxyzxyzxyz"] {
-            assert_eq!(Owner::read(&Owner { number: number.to_owned(), ..this.clone() }.text()), None, "{number}");
+            assert_eq!(
+                Owner::read(
+                    &Owner {
+                        number: number.to_owned(),
+                        ..this.clone()
+                    }
+                    .text()
+                ),
+                None,
+                "{number}"
+            );
         }
         assert_eq!(Owner::read(b"somebody's"), None);
     }

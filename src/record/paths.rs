@@ -5,16 +5,19 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use super::{Manifest, Outcome, RecordError, WRITING, io_error, read_bounded, rename, write_atomically};
+use super::{
+    Manifest, Outcome, RecordError, WRITING, io_error, read_bounded, rename, write_atomically,
+};
 
 /// The largest log or policy that a longer run takes over from the finished one, bytes.
 const BROUGHT_ALONG: u64 = 1 << 30;
 
 /// The places of one run.
 ///
-/// A run has one folder at a time: beside its place (`<id>.partial`) while it is under way or interrupted, at its place
-/// (`<id>`) when it has ended, well or not. The change from one to the other is a rename. A finished run that is made longer
-/// has two meanwhile, and keeps its own until the longer one takes its place.
+/// A run has one folder at a time: beside its place (`<id>.partial`) while it is under way or
+/// interrupted, at its place (`<id>`) when it has ended, well or not. The change from one to the
+/// other is a rename. A finished run that is made longer has two meanwhile, and keeps its own until
+/// the longer one takes its place.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct RunPaths {
     /// `<results>/<experiment>/runs/<id>`: what the run left.
@@ -23,7 +26,8 @@ pub struct RunPaths {
     pub partial: PathBuf,
     /// The file that says who works on the run.
     pub claim: PathBuf,
-    /// `<results>/.pretrained`: agents trained before their runs, for all runs under these results that share them.
+    /// `<results>/.pretrained`: agents trained before their runs, for all runs under these results
+    /// that share them.
     pub pretrained: PathBuf,
 }
 
@@ -32,7 +36,8 @@ impl RunPaths {
     ///
     /// # Errors
     ///
-    /// A name would lead elsewhere (`..`, `/x`, empty ...), or would be taken for a folder of the program's own.
+    /// A name would lead elsewhere (`..`, `/x`, empty ...), or would be taken for a folder of the
+    /// program's own.
     pub fn new(results: &Path, experiment: &str, id: &str) -> Result<Self, RecordError> {
         let folder = experiment_folder(results, experiment)?;
         let mut complete = folder.join("runs");
@@ -45,15 +50,21 @@ impl RunPaths {
         let partial = with_suffix(&complete, ".partial");
         // An older program has locks of the bare name.
         let claim = with_suffix(&claim, ".claim");
-        Ok(Self { complete, partial, claim, pretrained: results.join(".pretrained") })
+        Ok(Self {
+            complete,
+            partial,
+            claim,
+            pretrained: results.join(".pretrained"),
+        })
     }
 
-    /// The folder of results under which `file`, the folder of the run `id` or a file in it, has its place; `None` where it has been
-    /// taken elsewhere.
+    /// The folder of results under which `file`, the folder of the run `id` or a file in it, has
+    /// its place; `None` where it has been taken elsewhere.
     pub fn results_of(file: &Path, experiment: &str, id: &str) -> Option<PathBuf> {
         let file = std::path::absolute(file).ok()?;
-        let holds =
-            |results: &&Path| Self::new(results, experiment, id).is_ok_and(|run| file.starts_with(run.complete));
+        let holds = |results: &&Path| {
+            Self::new(results, experiment, id).is_ok_and(|run| file.starts_with(run.complete))
+        };
         file.ancestors().find(holds).map(Path::to_owned)
     }
 
@@ -83,9 +94,14 @@ impl RunPaths {
         folder.join("policies")
     }
 
-    /// After how many `env_steps` the policy in `file` was kept; `None` where the file's name says nothing of it.
+    /// After how many `env_steps` the policy in `file` was kept; `None` where the file's name says
+    /// nothing of it.
     pub fn kept_after(file: &Path) -> Option<u64> {
-        file.file_name()?.to_str()?.strip_suffix(".safetensors")?.parse().ok()
+        file.file_name()?
+            .to_str()?
+            .strip_suffix(".safetensors")?
+            .parse()
+            .ok()
     }
 
     /// The manifest.
@@ -98,8 +114,8 @@ impl RunPaths {
         folder.join("checkpoint")
     }
 
-    /// The last checkpoint of a run that has finished, to go on from when it is to be longer. It may be removed: a longer run is
-    /// then trained from its start.
+    /// The last checkpoint of a run that has finished, to go on from when it is to be longer. It
+    /// may be removed: a longer run is then trained from its start.
     pub fn kept_state(folder: &Path) -> PathBuf {
         folder.join("state.checkpoint")
     }
@@ -123,9 +139,10 @@ impl RunPaths {
         Manifest::read(&Self::manifest(&self.complete))
     }
 
-    /// Makes the folder in which the run is written. One that ended in failure is taken up again: its checkpoint counts. One
-    /// that finished is left as it is; the longer run gets its log and the policies that it kept. Files that a killed process was
-    /// writing are removed; only the holder of the claim may call this.
+    /// Makes the folder in which the run is written. One that ended in failure is taken up again:
+    /// its checkpoint counts. One that finished is left as it is; the longer run gets its log and
+    /// the policies that it kept. Files that a killed process was writing are removed; only the
+    /// holder of the claim may call this.
     ///
     /// # Errors
     ///
@@ -133,7 +150,9 @@ impl RunPaths {
     pub fn open(&self) -> Result<(), RecordError> {
         self.refuse_links()?;
         self.settle()?;
-        let finished = self.ended()?.is_some_and(|ended| ended.outcome == Outcome::Finished);
+        let finished = self
+            .ended()?
+            .is_some_and(|ended| ended.outcome == Outcome::Finished);
         if self.complete.exists() && !finished && !self.partial.exists() {
             rename(&self.complete, &self.partial)?;
         }
@@ -142,20 +161,30 @@ impl RunPaths {
         if finished { self.bring_along() } else { Ok(()) }
     }
 
-    /// Errors: a folder of the run is a link: what is written or removed there would be somebody else's.
+    /// # Errors
+    ///
+    /// A folder of the run is a link: what is written or removed there would be somebody else's.
     fn refuse_links(&self) -> Result<(), RecordError> {
-        match [&self.partial, &self.complete].into_iter().find(|folder| folder.is_symlink()) {
+        match [&self.partial, &self.complete]
+            .into_iter()
+            .find(|folder| folder.is_symlink())
+        {
             Some(folder) => {
-                let reason = "it is a link to another folder, and links are not followed there".to_owned();
-                Err(RecordError::Malformed { path: folder.clone(), expected: "a run's folder", reason })
+                let reason =
+                    "it is a link to another folder, and links are not followed there".to_owned();
+                Err(RecordError::Malformed {
+                    path: folder.clone(),
+                    expected: "a run's folder",
+                    reason,
+                })
             }
             None => Ok(()),
         }
     }
 
-    /// Puts what was written into its place, with `manifest` as its last word. A run that failed keeps its checkpoint, to go
-    /// on from, and no tables: whoever scans them must not meet half a run. Where a shorter run has finished, a failure leaves
-    /// that in its place.
+    /// Puts what was written into its place, with `manifest` as its last word. A run that failed
+    /// keeps its checkpoint, to go on from, and no tables: whoever scans them must not meet half a
+    /// run. Where a shorter run has finished, a failure leaves that in its place.
     ///
     /// # Errors
     ///
@@ -175,8 +204,9 @@ impl RunPaths {
         }
     }
 
-    /// Puts a run whose last word says that it finished into its place, in the place of a shorter one if need be: also where
-    /// the process that wrote it was killed before it could. Only the holder of the claim may call this.
+    /// Puts a run whose last word says that it finished into its place, in the place of a shorter
+    /// one if need be: also where the process that wrote it was killed before it could. Only the
+    /// holder of the claim may call this.
     ///
     /// # Errors
     ///
@@ -196,7 +226,11 @@ impl RunPaths {
             }
             rename(&self.partial, &self.complete)?;
         }
-        if self.complete.exists() { remove_folder(&self.replaced()) } else { Ok(()) }
+        if self.complete.exists() {
+            remove_folder(&self.replaced())
+        } else {
+            Ok(())
+        }
     }
 
     /// Whether a killed process left something that [`settle`](Self::settle) would put right.
@@ -232,7 +266,11 @@ impl RunPaths {
     fn remove_half_written(&self) -> Result<(), RecordError> {
         remove_half_written(&self.partial)?;
         let policies = Self::kept_policies(&self.partial);
-        if policies.exists() { remove_half_written(&policies) } else { Ok(()) }
+        if policies.exists() {
+            remove_half_written(&policies)
+        } else {
+            Ok(())
+        }
     }
 
     /// Whether a folder of this name holds no ended run, but one under way, replaced, or set aside.
@@ -240,8 +278,9 @@ impl RunPaths {
         name.ends_with(".partial") || name.ends_with(".replaced") || name.contains(".old-")
     }
 
-    /// Renames whatever there is of the run to `<id>.old-<n>`, and gives the new names. Its Parquet files get the ending
-    /// `.old`, so that scans over `**/progress.parquet` do not count the run twice.
+    /// Renames whatever there is of the run to `<id>.old-<n>`, and gives the new names. Its Parquet
+    /// files get the ending `.old`, so that scans over `**/progress.parquet` do not count the run
+    /// twice.
     ///
     /// # Errors
     ///
@@ -304,7 +343,9 @@ fn remove_half_written(folder: &Path) -> Result<(), RecordError> {
 /// Removes a file, if it is there.
 pub(crate) fn remove_if_there(path: &Path) -> Result<(), RecordError> {
     match fs::remove_file(path) {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(io_error("remove", path)(error)),
+        Err(error) if error.kind() != io::ErrorKind::NotFound => {
+            Err(io_error("remove", path)(error))
+        }
         _ => Ok(()),
     }
 }
@@ -312,7 +353,9 @@ pub(crate) fn remove_if_there(path: &Path) -> Result<(), RecordError> {
 /// Removes a folder with all that is in it, if it is there.
 fn remove_folder(path: &Path) -> Result<(), RecordError> {
     match fs::remove_dir_all(path) {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(io_error("remove", path)(error)),
+        Err(error) if error.kind() != io::ErrorKind::NotFound => {
+            Err(io_error("remove", path)(error))
+        }
         _ => Ok(()),
     }
 }
@@ -329,7 +372,10 @@ fn check(name: &str) -> Result<(), RecordError> {
         "it is empty, or has an empty part"
     } else if name.starts_with('.') {
         "a part begins with a dot"
-    } else if name.chars().any(|c| c.is_control() || r#"/\:*?"<>|"#.contains(c)) {
+    } else if name
+        .chars()
+        .any(|c| c.is_control() || r#"/\:*?"<>|"#.contains(c))
+    {
         r#"a part holds a control character or one of / \ : * ? " < > |"#
     } else if name.len() > 200 {
         "a part is longer than 200 bytes"
@@ -338,7 +384,10 @@ fn check(name: &str) -> Result<(), RecordError> {
     } else {
         return Ok(());
     };
-    Err(RecordError::Name { name: name.to_owned(), reason })
+    Err(RecordError::Name {
+        name: name.to_owned(),
+        reason,
+    })
 }
 
 #[cfg(test)]

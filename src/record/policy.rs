@@ -1,9 +1,11 @@
-//! Policies as safetensors, readable from Python: `safetensors.numpy.load_file("policy.safetensors")`.
+//! Policies as safetensors, readable from Python:
+//! `safetensors.numpy.load_file("policy.safetensors")`.
 //!
-//! `policy.mean.<layer>.weight` `[out, in]` and `.bias` `[out]`, `policy.log_std` `[action_dim]`, `value.<layer>.weight` and
-//! `.bias`, `normalizer.mean`, `.std` and `.deviations` `[observation_dim]`, `.count` and `.clip` `[1]`. A layer's output is
-//! `weight @ input + bias`, then tanh except after the last one; the input is
-//! `clip((observation - mean) / (std + 1e-8), -clip, clip)`.
+//! `policy.mean.<layer>.weight` `[out, in]` and `.bias` `[out]`, `policy.log_std` `[action_dim]`,
+//! `value.<layer>.weight` and `.bias`, `normalizer.mean`, `.std` and `.deviations`
+//! `[observation_dim]`, `.count` and `.clip` `[1]`. A layer's output is `weight @ input + bias`,
+//! then tanh except after the last one; the input is `clip((observation - mean) / (std + 1e-8),
+//! -clip, clip)`.
 
 use std::{collections::HashMap, path::Path};
 
@@ -21,7 +23,8 @@ use crate::{
 /// The largest file that is read, bytes.
 const LIMIT: u64 = 1 << 30;
 
-/// Writes `agent`; its bytes depend on the agent and the run alone, not on when or how the program was called.
+/// Writes `agent`; its bytes depend on the agent and the run alone, not on when or how the program
+/// was called.
 ///
 /// # Errors
 ///
@@ -50,8 +53,17 @@ pub fn read_for(path: &Path, spaces: Spaces) -> Result<(Agent, Stamp), RecordErr
     let found = (agent.normalizer.mean().len(), agent.policy.log_std().len());
     let expected = (spaces.observation_dim, spaces.action_dim);
     if found != expected {
-        let shape = |(observation, action)| format!("observations of {observation} and actions of {action} numbers");
-        return Err(malformed(path, format!("it has {}; its environment has {}", shape(found), shape(expected))));
+        let shape = |(observation, action)| {
+            format!("observations of {observation} and actions of {action} numbers")
+        };
+        return Err(malformed(
+            path,
+            format!(
+                "it has {}; its environment has {}",
+                shape(found),
+                shape(expected)
+            ),
+        ));
     }
     Ok((agent, stamp))
 }
@@ -63,7 +75,8 @@ pub fn read_for(path: &Path, spaces: Spaces) -> Result<(Agent, Stamp), RecordErr
 /// There is no such file, or it is damaged.
 pub fn digest(path: &Path) -> Result<String, RecordError> {
     let bytes = bytes(path)?;
-    let tensors = SafeTensors::deserialize(&bytes).map_err(|error| malformed(path, error.to_string()))?;
+    let tensors =
+        SafeTensors::deserialize(&bytes).map_err(|error| malformed(path, error.to_string()))?;
     let mut tensors = tensors.tensors();
     tensors.sort_by(|(a, _), (b, _)| a.cmp(b));
     let mut hasher = blake3::Hasher::new();
@@ -79,7 +92,11 @@ fn bytes(path: &Path) -> Result<Vec<u8>, RecordError> {
 }
 
 fn malformed(path: &Path, reason: String) -> RecordError {
-    RecordError::Malformed { path: path.to_owned(), expected: "a saved policy", reason }
+    RecordError::Malformed {
+        path: path.to_owned(),
+        expected: "a saved policy",
+        reason,
+    }
 }
 
 /// The normaliser's fields; it has no constructor from them other than its serialised form.
@@ -101,7 +118,12 @@ struct Tensor {
 fn encode(agent: &Agent, stamp: &Stamp) -> Result<Vec<u8>, String> {
     let mut tensors = Vec::new();
     push_network(&mut tensors, "policy.mean", agent.policy.mean());
-    push_f32(&mut tensors, "policy.log_std", vec![agent.policy.log_std().len()], agent.policy.log_std().to_vec());
+    push_f32(
+        &mut tensors,
+        "policy.log_std",
+        vec![agent.policy.log_std().len()],
+        agent.policy.log_std().to_vec(),
+    );
     push_network(&mut tensors, "value", &agent.value);
     let parts: NormalizerParts = serde_json::to_value(&agent.normalizer)
         .and_then(serde_json::from_value)
@@ -111,45 +133,94 @@ fn encode(agent: &Agent, stamp: &Stamp) -> Result<Vec<u8>, String> {
     push_f64(&mut tensors, "normalizer.deviations", &parts.deviations);
     push_f64(&mut tensors, "normalizer.count", &[parts.count]);
     push_f64(&mut tensors, "normalizer.clip", &[parts.clip]);
-    let stamp = serde_json::to_string(&stamp.without_origin()).map_err(|error| error.to_string())?;
+    let stamp =
+        serde_json::to_string(&stamp.without_origin()).map_err(|error| error.to_string())?;
     let metadata = HashMap::from([(Stamp::KEY.to_owned(), stamp)]);
     let views: Result<Vec<_>, SafeTensorError> = tensors
         .iter()
-        .map(|(name, tensor)| Ok((name, TensorView::new(tensor.dtype, tensor.shape.clone(), &tensor.bytes)?)))
+        .map(|(name, tensor)| {
+            Ok((
+                name,
+                TensorView::new(tensor.dtype, tensor.shape.clone(), &tensor.bytes)?,
+            ))
+        })
         .collect();
-    views.and_then(|views| safetensors::serialize(views, Some(metadata))).map_err(|error| error.to_string())
+    views
+        .and_then(|views| safetensors::serialize(views, Some(metadata)))
+        .map_err(|error| error.to_string())
 }
 
 fn push_network(tensors: &mut Vec<(String, Tensor)>, name: &str, network: &Mlp) {
     for (index, (weights, biases)) in network.layers().enumerate() {
         let (outputs, inputs) = weights.shape();
-        let by_rows = (0..outputs).flat_map(|row| (0..inputs).map(move |column| weights[(row, column)])).collect();
-        push_f32(tensors, &format!("{name}.{index}.weight"), vec![outputs, inputs], by_rows);
-        push_f32(tensors, &format!("{name}.{index}.bias"), vec![outputs], biases.to_vec());
+        let by_rows = (0..outputs)
+            .flat_map(|row| (0..inputs).map(move |column| weights[(row, column)]))
+            .collect();
+        push_f32(
+            tensors,
+            &format!("{name}.{index}.weight"),
+            vec![outputs, inputs],
+            by_rows,
+        );
+        push_f32(
+            tensors,
+            &format!("{name}.{index}.bias"),
+            vec![outputs],
+            biases.to_vec(),
+        );
     }
 }
 
 fn push_f32(tensors: &mut Vec<(String, Tensor)>, name: &str, shape: Vec<usize>, numbers: Vec<f32>) {
-    let bytes = numbers.iter().flat_map(|number| number.to_le_bytes()).collect();
-    tensors.push((name.to_owned(), Tensor { dtype: Dtype::F32, shape, bytes }));
+    let bytes = numbers
+        .iter()
+        .flat_map(|number| number.to_le_bytes())
+        .collect();
+    tensors.push((
+        name.to_owned(),
+        Tensor {
+            dtype: Dtype::F32,
+            shape,
+            bytes,
+        },
+    ));
 }
 
 fn push_f64(tensors: &mut Vec<(String, Tensor)>, name: &str, numbers: &[f64]) {
-    let bytes = numbers.iter().flat_map(|number| number.to_le_bytes()).collect();
-    tensors.push((name.to_owned(), Tensor { dtype: Dtype::F64, shape: vec![numbers.len()], bytes }));
+    let bytes = numbers
+        .iter()
+        .flat_map(|number| number.to_le_bytes())
+        .collect();
+    tensors.push((
+        name.to_owned(),
+        Tensor {
+            dtype: Dtype::F64,
+            shape: vec![numbers.len()],
+            bytes,
+        },
+    ));
 }
 
 fn decode(bytes: &[u8]) -> Result<(Agent, Stamp), String> {
     let (_, header) = SafeTensors::read_metadata(bytes).map_err(|error| error.to_string())?;
-    let stamp = header.metadata().as_ref().and_then(|metadata| metadata.get(Stamp::KEY));
+    let stamp = header
+        .metadata()
+        .as_ref()
+        .and_then(|metadata| metadata.get(Stamp::KEY));
     let stamp = stamp.ok_or_else(|| format!("its metadata has no `{}`", Stamp::KEY))?;
-    let stamp = serde_json::from_str(stamp).map_err(|error| format!("its `{}` is damaged: {error}", Stamp::KEY))?;
+    let stamp = serde_json::from_str(stamp)
+        .map_err(|error| format!("its `{}` is damaged: {error}", Stamp::KEY))?;
     let tensors = SafeTensors::deserialize(bytes).map_err(|error| error.to_string())?;
 
     let normalizer = read_normalizer(&tensors)?;
     let (widths, mean) = read_network(&tensors, "policy.mean")?;
     let (value_widths, value) = read_network(&tensors, "value")?;
-    let log_std = read_vector(&tensors, "policy.log_std", f32::from_le_bytes, f32::is_finite)?;
+    let log_std = read_vector(
+        &tensors,
+        "policy.log_std",
+        f32::from_le_bytes,
+        f32::is_finite,
+    )?;
     let (observation_dim, hidden, action_dim) = ends(&widths)?;
     let (value_inputs, _, values) = ends(&value_widths)?;
     let fits = [
@@ -158,8 +229,11 @@ fn decode(bytes: &[u8]) -> Result<(Agent, Stamp), String> {
         ("the value network's input", value_inputs, observation_dim),
         ("normalizer.mean", normalizer.mean().len(), observation_dim),
     ];
-    if let Some((what, got, expected)) = fits.into_iter().find(|(_, got, expected)| got != expected) {
-        return Err(format!("{what} has {got} numbers; {expected} would fit the policy's network"));
+    if let Some((what, got, expected)) = fits.into_iter().find(|(_, got, expected)| got != expected)
+    {
+        return Err(format!(
+            "{what} has {got} numbers; {expected} would fit the policy's network"
+        ));
     }
     // The initial weights are overwritten: networks have no constructor from weights.
     let mut unused = Seed(0).stream(Stream::Network, 0);
@@ -167,7 +241,14 @@ fn decode(bytes: &[u8]) -> Result<(Agent, Stamp), String> {
     policy.set_parameters(&[mean, log_std].concat());
     let mut value_network = Mlp::new(&value_widths, 1.0, &mut unused);
     value_network.parameters_mut().copy_from_slice(&value);
-    Ok((Agent { policy, value: value_network, normalizer }, stamp))
+    Ok((
+        Agent {
+            policy,
+            value: value_network,
+            normalizer,
+        },
+        stamp,
+    ))
 }
 
 /// The widths of input, hidden layers and output.
@@ -186,12 +267,21 @@ fn read_normalizer(tensors: &SafeTensors<'_>) -> Result<Normalizer, String> {
     };
     let (mean, deviations) = (vector("normalizer.mean")?, vector("normalizer.deviations")?);
     let (count, clip) = (scalar("normalizer.count")?, scalar("normalizer.clip")?);
-    if mean.len() != deviations.len() || count < 0.0 || clip <= 0.0 || deviations.iter().any(|&sum| sum < 0.0) {
+    if mean.len() != deviations.len()
+        || count < 0.0
+        || clip <= 0.0
+        || deviations.iter().any(|&sum| sum < 0.0)
+    {
         return Err("its normaliser's numbers do not fit together".to_owned());
     }
-    serde_json::to_value(NormalizerParts { count, mean, deviations, clip })
-        .and_then(serde_json::from_value)
-        .map_err(|error| format!("its normaliser cannot be put together: {error}"))
+    serde_json::to_value(NormalizerParts {
+        count,
+        mean,
+        deviations,
+        clip,
+    })
+    .and_then(serde_json::from_value)
+    .map_err(|error| format!("its normaliser cannot be put together: {error}"))
 }
 
 /// A network's widths, and its parameters as [`Mlp::parameters`] lays them out.
@@ -199,26 +289,47 @@ fn read_network(tensors: &SafeTensors<'_>, name: &str) -> Result<(Vec<usize>, Ve
     let (mut widths, mut parameters) = (Vec::new(), Vec::new());
     for index in 0.. {
         let weight = format!("{name}.{index}.weight");
-        let Ok(view) = tensors.tensor(&weight) else { break };
+        let Ok(view) = tensors.tensor(&weight) else {
+            break;
+        };
         let &[outputs, inputs] = view.shape() else {
-            return Err(format!("`{weight}` has the shape {:?}; [out, in] was expected", view.shape()));
+            return Err(format!(
+                "`{weight}` has the shape {:?}; [out, in] was expected",
+                view.shape()
+            ));
         };
         if outputs == 0 || inputs == 0 || widths.last().is_some_and(|&before| before != inputs) {
-            return Err(format!("`{weight}` has the shape {:?}, which does not follow {widths:?}", view.shape()));
+            return Err(format!(
+                "`{weight}` has the shape {:?}, which does not follow {widths:?}",
+                view.shape()
+            ));
         }
         let by_rows = numbers(&view, &weight, f32::from_le_bytes, f32::is_finite)?;
-        let biases = read_vector(tensors, &format!("{name}.{index}.bias"), f32::from_le_bytes, f32::is_finite)?;
+        let biases = read_vector(
+            tensors,
+            &format!("{name}.{index}.bias"),
+            f32::from_le_bytes,
+            f32::is_finite,
+        )?;
         if biases.len() != outputs {
-            return Err(format!("`{name}.{index}.bias` has {} numbers; {outputs} would fit its weight", biases.len()));
+            return Err(format!(
+                "`{name}.{index}.bias` has {} numbers; {outputs} would fit its weight",
+                biases.len()
+            ));
         }
         if widths.is_empty() {
             widths.push(inputs);
         }
         widths.push(outputs);
-        parameters.extend((0..inputs).flat_map(|column| by_rows.iter().skip(column).step_by(inputs)));
+        parameters
+            .extend((0..inputs).flat_map(|column| by_rows.iter().skip(column).step_by(inputs)));
         parameters.extend(biases);
     }
-    if widths.is_empty() { Err(format!("`{name}.0.weight` is missing")) } else { Ok((widths, parameters)) }
+    if widths.is_empty() {
+        Err(format!("`{name}.0.weight` is missing"))
+    } else {
+        Ok((widths, parameters))
+    }
 }
 
 fn read_vector<T: Copy, const N: usize>(
@@ -227,9 +338,14 @@ fn read_vector<T: Copy, const N: usize>(
     decode: fn([u8; N]) -> T,
     is_finite: fn(T) -> bool,
 ) -> Result<Vec<T>, String> {
-    let view = tensors.tensor(name).map_err(|_| format!("`{name}` is missing"))?;
+    let view = tensors
+        .tensor(name)
+        .map_err(|_| format!("`{name}` is missing"))?;
     if view.shape().len() != 1 {
-        return Err(format!("`{name}` has the shape {:?}; one dimension was expected", view.shape()));
+        return Err(format!(
+            "`{name}` has the shape {:?}; one dimension was expected",
+            view.shape()
+        ));
     }
     numbers(&view, name, decode, is_finite)
 }
@@ -242,7 +358,10 @@ fn numbers<T: Copy, const N: usize>(
 ) -> Result<Vec<T>, String> {
     let expected = if N == 4 { Dtype::F32 } else { Dtype::F64 };
     if view.dtype() != expected {
-        return Err(format!("`{name}` is of type {:?}; {expected:?} was expected", view.dtype()));
+        return Err(format!(
+            "`{name}` is of type {:?}; {expected:?} was expected",
+            view.dtype()
+        ));
     }
     let (chunks, _) = view.data().as_chunks::<N>();
     let numbers: Vec<T> = chunks.iter().map(|&bytes| decode(bytes)).collect();
@@ -289,11 +408,15 @@ mod tests {
     fn a_number_that_is_none_and_a_shape_that_does_not_fit_are_refused() {
         let mut broken = agent();
         broken.value.parameters_mut()[0] = f32::NAN;
-        let message = encode(&broken, &stamp()).and_then(|bytes| decode(&bytes)).expect_err("NaN");
+        let message = encode(&broken, &stamp())
+            .and_then(|bytes| decode(&bytes))
+            .expect_err("NaN");
         assert!(message.contains("value.0.weight"), "{message}");
         let mut narrow = agent();
         narrow.normalizer = Normalizer::new(2, 5.0);
-        let message = encode(&narrow, &stamp()).and_then(|bytes| decode(&bytes)).expect_err("2 for 3");
+        let message = encode(&narrow, &stamp())
+            .and_then(|bytes| decode(&bytes))
+            .expect_err("2 for 3");
         assert!(message.contains("normalizer.mean has 2"), "{message}");
     }
 
@@ -317,7 +440,16 @@ mod tests {
             digest(&path).expect("readable")
         };
         let whole = digest_of(&agent(), &stamp());
-        assert_eq!(digest_of(&agent(), &Stamp { fingerprint: "another".to_owned(), ..stamp() }), whole);
+        assert_eq!(
+            digest_of(
+                &agent(),
+                &Stamp {
+                    fingerprint: "another".to_owned(),
+                    ..stamp()
+                }
+            ),
+            whole
+        );
         let mut other = agent();
         let number = &mut other.value.parameters_mut()[0];
         *number = number.next_up();

@@ -1,8 +1,8 @@
 //! Agents trained before their runs, kept for the runs that share them.
 //!
-//! One sealed file an agent, in a folder of all results, named by the hash of everything that decided it: whoever needs the
-//! same agent finds it. The folder is a convenience alone: without it, or with a damaged file in it, agents are trained
-//! anew, to the same bits.
+//! One sealed file an agent, in a folder of all results, named by the hash of everything that
+//! decided it: whoever needs the same agent finds it. The folder is a convenience alone: without
+//! it, or with a damaged file in it, agents are trained anew, to the same bits.
 
 use std::{path::Path, thread, time::Duration};
 
@@ -20,9 +20,10 @@ pub type Pretrain<'a> = dyn FnMut(&mut dyn FnMut()) -> Result<Agent, TrainError>
 /// What the file's first line says.
 const NAME: &str = "mcpo-run pre-trained agent";
 
-/// The agent of `key` in `folder`, or else what `train` gives, which is kept there. `key` names all that `train` depends
-/// on, but for the class of machine, whose bits may differ: that is `machine`. Of several processes that ask for the same
-/// agent at once, one trains it and the others wait; `alive` is called now and then meanwhile.
+/// The agent of `key` in `folder`, or else what `train` gives, which is kept there. `key` names all
+/// that `train` depends on, but for the class of machine, whose bits may differ: that is `machine`.
+/// Of several processes that ask for the same agent at once, one trains it and the others wait;
+/// `alive` is called now and then meanwhile.
 ///
 /// A file that is damaged is replaced, with a warning in the log.
 ///
@@ -36,7 +37,8 @@ pub fn pretrained(
     train: &mut Pretrain<'_>,
     alive: &mut dyn FnMut(),
 ) -> Result<Agent, TrainError> {
-    let name = &blake3::hash(format!("{key} {} {}", machine.0, machine.1).as_bytes()).to_hex()[..32];
+    let name =
+        &blake3::hash(format!("{key} {} {}", machine.0, machine.1).as_bytes()).to_hex()[..32];
     let path = folder.join(name);
     let _claim = lock(&path.with_extension("claim"), alive)?;
     match read_sealed(&path, NAME, key) {
@@ -100,7 +102,8 @@ mod tests {
             trained = true;
             Ok(agent(seed))
         };
-        let given = pretrained(folder, key, ("x86_64 fma", "a"), &mut train, &mut || {}).expect("a folder to write to");
+        let given = pretrained(folder, key, ("x86_64 fma", "a"), &mut train, &mut || {})
+            .expect("a folder to write to");
         (given, trained)
     }
 
@@ -115,8 +118,9 @@ mod tests {
         assert!(ask(folder.path(), "k", 1).1, "a failure was found");
         let file = folder.path().join("file");
         fs::write(&file, "").expect("written");
-        let message =
-            pretrained(&file, "k", ("c", "a"), &mut |_| Ok(agent(1)), &mut || {}).expect_err("no folder").to_string();
+        let message = pretrained(&file, "k", ("c", "a"), &mut |_| Ok(agent(1)), &mut || {})
+            .expect_err("no folder")
+            .to_string();
         assert!(message.contains("file"), "{message}");
     }
 
@@ -124,15 +128,24 @@ mod tests {
     fn a_damaged_file_is_replaced() {
         let folder = tempfile::tempdir().expect("a folder");
         ask(folder.path(), "k", 1);
-        let files = fs::read_dir(folder.path()).expect("readable").map(|entry| entry.expect("an entry").path());
-        let path = files.into_iter().find(|path| path.extension().is_none()).expect("the agent's file");
+        let files = fs::read_dir(folder.path())
+            .expect("readable")
+            .map(|entry| entry.expect("an entry").path());
+        let path = files
+            .into_iter()
+            .find(|path| path.extension().is_none())
+            .expect("the agent's file");
         let whole = fs::read(&path).expect("readable");
         for place in [0, 40, whole.len() / 2, whole.len() - 1] {
             let mut damaged = whole.clone();
             damaged[place] ^= 1;
             for bytes in [&damaged[..], &whole[..place]] {
                 fs::write(&path, bytes).expect("written");
-                assert_eq!(ask(folder.path(), "k", 1), (agent(1), true), "damaged at {place}");
+                assert_eq!(
+                    ask(folder.path(), "k", 1),
+                    (agent(1), true),
+                    "damaged at {place}"
+                );
                 assert_eq!(fs::read(&path).expect("readable"), whole);
             }
         }
@@ -145,7 +158,14 @@ mod tests {
         ask(folder.path(), "k", 1);
         assert_eq!(ask(folder.path(), "l", 2), (agent(2), true));
         for (n, machine) in [(3, ("aarch64", "a")), (4, ("x86_64 fma", "b"))] {
-            let other = pretrained(folder.path(), "k", machine, &mut |_| Ok(agent(n)), &mut || {}).expect("trained");
+            let other = pretrained(
+                folder.path(),
+                "k",
+                machine,
+                &mut |_| Ok(agent(n)),
+                &mut || {},
+            )
+            .expect("trained");
             assert_eq!(other, agent(n));
         }
     }
@@ -165,12 +185,19 @@ mod tests {
                     thread::sleep(Duration::from_millis(350));
                     Ok(agent(1))
                 };
-                pretrained(folder, "k", ("c", "a"), &mut train, &mut || *there += 1).expect("trained");
+                pretrained(folder, "k", ("c", "a"), &mut train, &mut || *there += 1)
+                    .expect("trained");
             });
             has_begun.recv().expect("the other trains");
-            pretrained(folder, "k", ("c", "a"), &mut |_| Ok(agent(2)), &mut || here += 1).expect("found");
+            pretrained(folder, "k", ("c", "a"), &mut |_| Ok(agent(2)), &mut || {
+                here += 1
+            })
+            .expect("found");
         });
-        assert!(here >= 2 && there == 1, "{here} while it waited, {there} while it trained");
+        assert!(
+            here >= 2 && there == 1,
+            "{here} while it waited, {there} while it trained"
+        );
     }
 
     #[test]
@@ -185,7 +212,8 @@ mod tests {
                         count.fetch_add(1, Ordering::Relaxed);
                         Ok(agent(seed))
                     };
-                    pretrained(folder, "k", ("c", "a"), &mut train, &mut || {}).expect("a folder to write to");
+                    pretrained(folder, "k", ("c", "a"), &mut train, &mut || {})
+                        .expect("a folder to write to");
                 });
             }
         });

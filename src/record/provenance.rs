@@ -14,7 +14,8 @@ use super::{executable::Executable, repository::Git};
 /// What every file of a run carries, as JSON under the key [`Stamp::KEY`] of its metadata.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Stamp {
-    /// The resolved specification (a [`crate::plan::RunSpec`]; kept as JSON, so that files of older programs stay readable).
+    /// The resolved specification (a [`crate::plan::RunSpec`]; kept as JSON, so that files of older
+    /// programs stay readable).
     pub spec: Value,
     /// The hash of everything that decides the numbers.
     pub fingerprint: String,
@@ -37,7 +38,10 @@ impl Stamp {
 
     /// The stamp without whatever differs from call to call.
     pub fn without_origin(&self) -> Self {
-        Self { origin: None, ..self.clone() }
+        Self {
+            origin: None,
+            ..self.clone()
+        }
     }
 }
 
@@ -63,14 +67,15 @@ pub struct Build {
     pub versions: Value,
     /// The processor's [`cpu_class`].
     pub cpu_class: String,
-    /// Digest of what the system's elementary functions give, whose last bits differ between versions of the C library.
+    /// Digest of what the system's elementary functions give, whose last bits differ between
+    /// versions of the C library.
     #[serde(default)]
     pub libm: String,
 }
 
 impl Build {
-    /// The class of machine: beside the specification and the versions it decides a run's last bits, which are equal within
-    /// one class.
+    /// The class of machine: beside the specification and the versions it decides a run's last
+    /// bits, which are equal within one class.
     pub fn machine(&self) -> (&str, &str) {
         (&self.cpu_class, &self.libm)
     }
@@ -98,11 +103,13 @@ pub struct Origin {
     pub command_line: Vec<String>,
     /// When the command was called, UTC (RFC 3339).
     pub called: String,
-    /// The folder that it was called in, where relative paths of the specification start, as seen from the folder of results; absent
-    /// where neither holds the other, and in files of the oldest programs. Older programs wrote it from the root.
+    /// The folder that it was called in, where relative paths of the specification start, as seen
+    /// from the folder of results; absent where neither holds the other, and in files of the oldest
+    /// programs. Older programs wrote it from the root.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub folder: Option<PathBuf>,
-    /// The commit of the folder it was called in, and whether files there differ from it; absent outside a repository.
+    /// The commit of the folder it was called in, and whether files there differ from it; absent
+    /// outside a repository.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub git: Option<Git>,
 }
@@ -113,15 +120,20 @@ impl Origin {
         Self {
             host: host(),
             cpu: cpu_model().unwrap_or_else(unknown),
-            command_line: env::args_os().map(|argument| argument.to_string_lossy().into_owned()).collect(),
+            command_line: env::args_os()
+                .map(|argument| argument.to_string_lossy().into_owned())
+                .collect(),
             called: now(),
-            folder: env::current_dir().ok().and_then(|folder| seen_from(results, &folder)),
+            folder: env::current_dir()
+                .ok()
+                .and_then(|folder| seen_from(results, &folder)),
             git: Git::of(Path::new(".")),
         }
     }
 }
 
-/// The way from the folder `results` to `folder`, which tells nothing of what lies above both; `None` where neither holds the other.
+/// The way from the folder `results` to `folder`, which tells nothing of what lies above both;
+/// `None` where neither holds the other.
 fn seen_from(results: &Path, folder: &Path) -> Option<PathBuf> {
     let results = path::absolute(results).ok()?;
     let up = |below: &Path| -> Option<PathBuf> {
@@ -129,16 +141,23 @@ fn seen_from(results: &Path, folder: &Path) -> Option<PathBuf> {
         below.components().map(step).collect()
     };
     let inside = || folder.strip_prefix(&results).ok().map(Path::to_owned);
-    results.strip_prefix(folder).ok().and_then(up).or_else(inside)
+    results
+        .strip_prefix(folder)
+        .ok()
+        .and_then(up)
+        .or_else(inside)
 }
 
 /// This machine's name.
 pub(super) fn host() -> String {
-    read_line("/proc/sys/kernel/hostname").or_else(|| env::var("HOSTNAME").ok()).unwrap_or_else(unknown)
+    read_line("/proc/sys/kernel/hostname")
+        .or_else(|| env::var("HOSTNAME").ok())
+        .unwrap_or_else(unknown)
 }
 
 impl Origin {
-    /// The folder that it was called in, where `results` is the folder of results now; `None` where it is not known.
+    /// The folder that it was called in, where `results` is the folder of results now; `None` where
+    /// it is not known.
     pub fn folder_beside(&self, results: &Path) -> Option<PathBuf> {
         let mut folder = path::absolute(results).ok()?;
         for part in self.folder.as_deref()?.components() {
@@ -153,7 +172,11 @@ impl Origin {
 
     /// The same call, on this machine.
     pub fn here(self) -> Self {
-        Self { host: super::Owner::node(), cpu: cpu_model().unwrap_or_else(unknown), ..self }
+        Self {
+            host: super::Owner::node(),
+            cpu: cpu_model().unwrap_or_else(unknown),
+            ..self
+        }
     }
 }
 
@@ -193,9 +216,13 @@ pub fn cpu_class() -> String {
     env::consts::ARCH.to_owned()
 }
 
-/// The first digits of the BLAKE3 digest of the functions that environments, networks and updates call, at a thousand places.
+/// The first digits of the BLAKE3 digest of the functions that environments, networks and updates
+/// call, at a thousand places.
 fn libm() -> String {
-    let functions: [fn(f64) -> f64; 6] = [f64::exp, f64::exp_m1, f64::ln, f64::sin, f64::cos, |x| x.powf(1.7)];
+    let functions: [fn(f64) -> f64; 6] =
+        [f64::exp, f64::exp_m1, f64::ln, f64::sin, f64::cos, |x| {
+            x.powf(1.7)
+        }];
     let single: [fn(f32) -> f32; 2] = [f32::exp, f32::ln];
     let mut hasher = blake3::Hasher::new();
     for place in 1..=1000 {
@@ -212,7 +239,9 @@ fn libm() -> String {
 
 /// The time, UTC, to the second: `2026-11-22T11:16:23Z`.
 pub fn now() -> String {
-    let seconds = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0, |elapsed| elapsed.as_secs());
+    let seconds = SystemTime::now()
+        .duration_since(SystemTime::UNIX_EPOCH)
+        .map_or(0, |elapsed| elapsed.as_secs());
     rfc3339(seconds)
 }
 
@@ -221,13 +250,22 @@ fn rfc3339(unix_seconds: u64) -> String {
     let days = unix_seconds / 86_400 + 719_468; // since 0000-03-01
     let era = days / 146_097;
     let day_of_era = days % 146_097;
-    let year_of_era = (day_of_era - day_of_era / 1_460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    let year_of_era =
+        (day_of_era - day_of_era / 1_460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
     let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
     let march_month = (5 * day_of_year + 2) / 153;
     let day = day_of_year - (153 * march_month + 2) / 5 + 1;
-    let month = if march_month < 10 { march_month + 3 } else { march_month - 9 };
+    let month = if march_month < 10 {
+        march_month + 3
+    } else {
+        march_month - 9
+    };
     let year = year_of_era + era * 400 + u64::from(month <= 2);
-    let (hour, minute, second) = (unix_seconds / 3_600 % 24, unix_seconds / 60 % 60, unix_seconds % 60);
+    let (hour, minute, second) = (
+        unix_seconds / 3_600 % 24,
+        unix_seconds / 60 % 60,
+        unix_seconds % 60,
+    );
     format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}Z")
 }
 
@@ -236,7 +274,10 @@ mod tests {
     use super::*;
 
     fn origin(folder: &str) -> Origin {
-        Origin { folder: Some(folder.into()), ..Origin::current(Path::new("results")) }
+        Origin {
+            folder: Some(folder.into()),
+            ..Origin::current(Path::new("results"))
+        }
     }
 
     #[test]
@@ -255,14 +296,22 @@ mod tests {
         let now = |folder: &str| origin(folder).folder_beside(Path::new("/elsewhere/work/results"));
         assert_eq!(now(".."), Some("/elsewhere/work".into()));
         assert_eq!(now("work"), Some("/elsewhere/work/results/work".into()));
-        assert_eq!(now("/home/somebody/work"), Some("/home/somebody/work".into()), "an older program's record");
-        let unknown = Origin { folder: None, ..origin("") };
+        assert_eq!(
+            now("/home/somebody/work"),
+            Some("/home/somebody/work".into()),
+            "an older program's record"
+        );
+        let unknown = Origin {
+            folder: None,
+            ..origin("")
+        };
         assert_eq!(unknown.folder_beside(Path::new("results")), None);
     }
 
     #[test]
     fn times_are_civil_dates() {
-        // From `date -u -d @N`: the epoch, a leap day, the end of a century that is a leap year, the day after it.
+        // From `date -u -d @N`: the epoch, a leap day, the end of a century that is a leap year,
+        // the day after it.
         assert_eq!(rfc3339(0), "1970-01-01T00:00:00Z");
         assert_eq!(rfc3339(1_709_210_096), "2024-02-29T12:34:56Z");
         assert_eq!(rfc3339(951_827_199), "2000-02-29T12:26:39Z");

@@ -3,8 +3,9 @@
 use super::{Checkpoint, Manifest, RecordError, RunPaths};
 use crate::train::{EvaluationEpisode, Iteration};
 
-/// What a run under way has come to: the rows of its last checkpoint, which is replaced whole, every `checkpoint.every_seconds`.
-/// They lie in `<id>.partial/checkpoint` and in no table, so that whoever scans tables does not meet half a run.
+/// What a run under way has come to: the rows of its last checkpoint, which is replaced whole,
+/// every `checkpoint.every_seconds`. They lie in `<id>.partial/checkpoint` and in no table, so that
+/// whoever scans tables does not meet half a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct UnderWay {
     /// Of its last attempt; what is recorded under way is of this specification.
@@ -16,16 +17,32 @@ pub struct UnderWay {
 }
 
 impl UnderWay {
-    /// The rows of the run at `paths`; `None` where none is under way or interrupted, or it has no checkpoint yet. A finished run
-    /// that is being extended has both: its tables, and the longer run's rows here.
+    /// The rows of the run at `paths`; `None` where none is under way or interrupted, or it has no
+    /// checkpoint yet. A finished run that is being extended has both: its tables, and the longer
+    /// run's rows here.
     ///
     /// # Errors
     ///
     /// Its files are damaged or of another program.
     pub fn read(paths: &RunPaths) -> Result<Option<Self>, RecordError> {
-        let Some(manifest) = Manifest::read(&RunPaths::manifest(&paths.partial))? else { return Ok(None) };
-        let checkpoint = Checkpoint::read(&RunPaths::checkpoint(&paths.partial), &manifest.stamp.fingerprint)?;
-        Ok(checkpoint.map(|Checkpoint { iterations, evaluations, .. }| Self { manifest, iterations, evaluations }))
+        let Some(manifest) = Manifest::read(&RunPaths::manifest(&paths.partial))? else {
+            return Ok(None);
+        };
+        let checkpoint = Checkpoint::read(
+            &RunPaths::checkpoint(&paths.partial),
+            &manifest.stamp.fingerprint,
+        )?;
+        Ok(checkpoint.map(
+            |Checkpoint {
+                 iterations,
+                 evaluations,
+                 ..
+             }| Self {
+                manifest,
+                iterations,
+                evaluations,
+            },
+        ))
     }
 }
 
@@ -41,17 +58,35 @@ mod tests {
         assert_eq!(UnderWay::read(&paths).expect("absence is no error"), None);
         paths.open().expect("made");
         let manifest = Manifest::new(stamp());
-        manifest.write(&RunPaths::manifest(&paths.partial)).expect("written");
-        assert_eq!(UnderWay::read(&paths).expect("no checkpoint is no error"), None);
+        manifest
+            .write(&RunPaths::manifest(&paths.partial))
+            .expect("written");
+        assert_eq!(
+            UnderWay::read(&paths).expect("no checkpoint is no error"),
+            None
+        );
         let (iterations, evaluations) = (vec![iteration(1)], vec![episode(0)]);
-        let checkpoint =
-            Checkpoint { iterations: iterations.clone(), evaluations: evaluations.clone(), ..Checkpoint::default() };
+        let checkpoint = Checkpoint {
+            iterations: iterations.clone(),
+            evaluations: evaluations.clone(),
+            ..Checkpoint::default()
+        };
         let path = RunPaths::checkpoint(&paths.partial);
         checkpoint.write(&path, "f").expect("written");
         let read = UnderWay::read(&paths).expect("readable");
-        assert_eq!(read, Some(UnderWay { manifest, iterations, evaluations }));
+        assert_eq!(
+            read,
+            Some(UnderWay {
+                manifest,
+                iterations,
+                evaluations
+            })
+        );
         let whole = std::fs::read(&path).expect("readable");
         std::fs::write(&path, &whole[..whole.len() - 1]).expect("cut");
-        assert!(matches!(UnderWay::read(&paths), Err(RecordError::Damaged { .. })));
+        assert!(matches!(
+            UnderWay::read(&paths),
+            Err(RecordError::Damaged { .. })
+        ));
     }
 }

@@ -2,7 +2,11 @@
 
 /// `1 seed`, `3 seeds`.
 pub fn count(number: usize, what: &str) -> String {
-    if number == 1 { format!("1 {what}") } else { format!("{number} {what}s") }
+    if number == 1 {
+        format!("1 {what}")
+    } else {
+        format!("{number} {what}s")
+    }
 }
 
 /// Environment steps in few characters: `500`, `20k`, `1.5M`.

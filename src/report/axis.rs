@@ -1,7 +1,7 @@
 //! The axes of a matrix as a reader sees them: which runs belong together, and what to call them.
 //!
-//! Owns the grouping of runs by the values of axes, and the labels of those values. Knows nothing of what the runs
-//! measured. Start at [`group`].
+//! Owns the grouping of runs by the values of axes, and the labels of those values. Knows nothing
+//! of what the runs measured. Start at [`group`].
 
 use std::collections::{BTreeSet, HashMap};
 
@@ -14,7 +14,8 @@ use crate::{
 /// Runs that agree on all keys of a grouping; they differ in their seeds.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Group<'a> {
-    /// The value of each key; `None` where the runs do not have that axis, or each has its environment's default.
+    /// The value of each key; `None` where the runs do not have that axis, or each has its
+    /// environment's default.
     pub values: Vec<Option<toml::Value>>,
     /// The runs, in the plan's order.
     pub runs: Vec<&'a Run>,
@@ -22,39 +23,57 @@ pub struct Group<'a> {
 
 /// Groups `runs` by the values of `keys`, in the order in which the groups first appear.
 ///
-/// A default that is another in each environment, as Table 2's `d`, counts as one value where groups go across environments.
+/// A default that is another in each environment, as Table 2's `d`, counts as one value where
+/// groups go across environments.
 pub fn group<'a>(runs: &[&'a Run], keys: &[Key]) -> Vec<Group<'a>> {
     let across = !keys.contains(&Key::Env);
-    let by_env: Vec<bool> = keys.iter().map(|key| across && default_goes_by_environment(runs, key)).collect();
+    let by_env: Vec<bool> = keys
+        .iter()
+        .map(|key| across && default_goes_by_environment(runs, key))
+        .collect();
     let mut groups: Vec<Group<'a>> = Vec::new();
     let mut known: HashMap<String, usize> = HashMap::new();
     for &run in runs {
-        let value = |(key, by_env): (&Key, &bool)| run.value(key).filter(|_| !by_env || run.departs_in(key));
+        let value = |(key, by_env): (&Key, &bool)| {
+            run.value(key).filter(|_| !by_env || run.departs_in(key))
+        };
         let values: Vec<_> = keys.iter().zip(&by_env).map(value).collect();
         match known.get(&format!("{values:?}")) {
             Some(&index) => groups[index].runs.push(run),
             None => {
                 known.insert(format!("{values:?}"), groups.len());
-                groups.push(Group { values, runs: vec![run] });
+                groups.push(Group {
+                    values,
+                    runs: vec![run],
+                });
             }
         }
     }
     groups
 }
 
-/// Whether `key` has several defaults among `runs`, none of which was chosen where it is not the default.
+/// Whether `key` has several defaults among `runs`, none of which was chosen where it is not the
+/// default.
 fn default_goes_by_environment(runs: &[&Run], key: &Key) -> bool {
-    let (chosen, defaults): (Vec<&Run>, Vec<&Run>) = runs.iter().copied().partition(|run| run.departs_in(key));
-    let values =
-        |runs: &[&Run]| runs.iter().filter_map(|run| Some(run.value(key)?.to_string())).collect::<BTreeSet<_>>();
+    let (chosen, defaults): (Vec<&Run>, Vec<&Run>) =
+        runs.iter().copied().partition(|run| run.departs_in(key));
+    let values = |runs: &[&Run]| {
+        runs.iter()
+            .filter_map(|run| Some(run.value(key)?.to_string()))
+            .collect::<BTreeSet<_>>()
+    };
     let defaults = values(&defaults);
-    *key != Key::Algorithm && !chosen.is_empty() && defaults.len() > 1 && defaults.is_disjoint(&values(&chosen))
+    *key != Key::Algorithm
+        && !chosen.is_empty()
+        && defaults.len() > 1
+        && defaults.is_disjoint(&values(&chosen))
 }
 
 /// The axes, other than the seed and `keys`, in which runs differ that agree on `keys`.
 ///
-/// Runs that differ in more than their seed are never averaged: these axes have to become keys too. The algorithm is one
-/// wherever there are several, since the others alone would not name a group that does not have them.
+/// Runs that differ in more than their seed are never averaged: these axes have to become keys too.
+/// The algorithm is one wherever there are several, since the others alone would not name a group
+/// that does not have them.
 pub fn hidden_axes(runs: &[&Run], keys: &[Key]) -> Vec<Key> {
     let axes: BTreeSet<&String> = runs.iter().flat_map(|run| run.spec.axes.keys()).collect();
     let axes = axes.into_iter().filter_map(|name| Key::parse(name));
@@ -85,10 +104,17 @@ pub struct Label {
     pub values: Vec<Option<toml::Value>>,
 }
 
-/// One label a group, from those keys whose value tells the groups apart (`MCPO`, `d = 10⁻³, ε = 0`).
+/// One label a group, from those keys whose value tells the groups apart (`MCPO`, `d = 10⁻³, ε =
+/// 0`).
 pub fn labels(keys: &[Key], groups: &[Group<'_>]) -> Vec<Label> {
-    let tells_apart = |index: usize| groups.iter().any(|group| group.values[index] != groups[0].values[index]);
-    let mut shown: Vec<usize> = (0..keys.len()).filter(|&index| tells_apart(index)).collect();
+    let tells_apart = |index: usize| {
+        groups
+            .iter()
+            .any(|group| group.values[index] != groups[0].values[index])
+    };
+    let mut shown: Vec<usize> = (0..keys.len())
+        .filter(|&index| tells_apart(index))
+        .collect();
     if shown.is_empty() {
         shown = (0..keys.len().min(1)).collect();
     }
@@ -101,19 +127,34 @@ pub fn labels(keys: &[Key], groups: &[Group<'_>]) -> Vec<Label> {
             })
         };
         let parts: Vec<String> = shown.iter().filter_map(|&index| part(index)).collect();
-        if parts.is_empty() { (0..keys.len()).find_map(part).unwrap_or("default".to_owned()) } else { parts.join(", ") }
+        if parts.is_empty() {
+            (0..keys.len())
+                .find_map(part)
+                .unwrap_or("default".to_owned())
+        } else {
+            parts.join(", ")
+        }
     });
-    texts.zip(groups).map(|(text, group)| Label { text, values: group.values.clone() }).collect()
+    texts
+        .zip(groups)
+        .map(|(text, group)| Label {
+            text,
+            values: group.values.clone(),
+        })
+        .collect()
 }
 
 /// What to call the values of each group; those of one key in one notation.
 pub fn value_labels(groups: &[Group<'_>]) -> Vec<Vec<Option<String>>> {
     let keys = groups.first().map_or(0, |group| group.values.len());
-    let notations: Vec<Notation> =
-        (0..keys).map(|key| Notation::of(groups.iter().filter_map(|group| group.values[key].as_ref()))).collect();
+    let notations: Vec<Notation> = (0..keys)
+        .map(|key| Notation::of(groups.iter().filter_map(|group| group.values[key].as_ref())))
+        .collect();
     let label = |group: &Group<'_>| {
         let values = group.values.iter().zip(&notations);
-        values.map(|(value, notation)| Some(notation.label(value.as_ref()?))).collect()
+        values
+            .map(|(value, notation)| Some(notation.label(value.as_ref()?)))
+            .collect()
     };
     groups.iter().map(label).collect()
 }
@@ -136,11 +177,15 @@ pub fn parameter_label(parameter: &Parameter) -> String {
     }
 }
 
-/// What the runs of `selection` have in common: `ε = 0`, `MCPO or PPO, d = 10⁻³`, `not PPO, d ≠ 10⁻³`.
+/// What the runs of `selection` have in common: `ε = 0`, `MCPO or PPO, d = 10⁻³`, `not PPO, d ≠
+/// 10⁻³`.
 pub fn selection_label(selection: &Selection) -> String {
     let part = |(key, values): &(Key, Vec<toml::Value>), not: &str, sign: &str| {
         let notation = Notation::of(values);
-        let names: Vec<String> = values.iter().map(|value| display_name(&notation.label(value)).to_owned()).collect();
+        let names: Vec<String> = values
+            .iter()
+            .map(|value| display_name(&notation.label(value)).to_owned())
+            .collect();
         match key {
             Key::Algorithm | Key::Env => format!("{not}{}", names.join(" or ")),
             key => format!("{} {sign} {}", key_label(key), names.join(" or ")),
@@ -151,7 +196,8 @@ pub fn selection_label(selection: &Selection) -> String {
     wanted.chain(unwanted).collect::<Vec<_>>().join(", ")
 }
 
-/// The paper's name of the environment with Gym id `gym`: `Pendulum-v2` for `InvertedPendulum-v2`; other text as it is.
+/// The paper's name of the environment with Gym id `gym`: `Pendulum-v2` for `InvertedPendulum-v2`;
+/// other text as it is.
 pub fn paper_name(gym: &str) -> &str {
     gym.parse::<EnvId>().map_or(gym, |env| env.paper_name())
 }
@@ -159,10 +205,15 @@ pub fn paper_name(gym: &str) -> &str {
 /// The same without its version, as the paper's text has it.
 pub fn paper_family(gym: &str) -> &str {
     let name = paper_name(gym);
-    if gym.parse::<EnvId>().is_ok() { name.split_once("-v").map_or(name, |(family, _)| family) } else { name }
+    if gym.parse::<EnvId>().is_ok() {
+        name.split_once("-v").map_or(name, |(family, _)| family)
+    } else {
+        name
+    }
 }
 
-/// How the numbers of one axis are written: all in the same way, so that `0.1` does not stand beside `10⁻³`.
+/// How the numbers of one axis are written: all in the same way, so that `0.1` does not stand
+/// beside `10⁻³`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Notation {
     /// `0.1`, `15`.
@@ -175,7 +226,9 @@ impl Notation {
     /// That of `values`: digits where they are few in all of them.
     pub fn of<'a>(values: impl IntoIterator<Item = &'a toml::Value>) -> Self {
         let few = |number: f64| number == 0.0 || (0.01..1e5).contains(&number.abs());
-        let all = values.into_iter().all(|value| value.as_float().is_none_or(few));
+        let all = values
+            .into_iter()
+            .all(|value| value.as_float().is_none_or(few));
         if all { Self::Digits } else { Self::Powers }
     }
 
@@ -191,9 +244,11 @@ impl Notation {
                 format!("{} {}", kind_name(kind), self.label(value))
             }
             // Several values by their names, such as `{ distance = 5.0, mode = "milestone" }`.
-            toml::Value::Table(table) => {
-                table.iter().map(|(name, value)| format!("{name} {}", self.label(value))).collect::<Vec<_>>().join(", ")
-            }
+            toml::Value::Table(table) => table
+                .iter()
+                .map(|(name, value)| format!("{name} {}", self.label(value)))
+                .collect::<Vec<_>>()
+                .join(", "),
             other => other.to_string(),
         }
     }
@@ -215,7 +270,11 @@ impl Notation {
 
 /// The paper's spelling of a kind of sparse reward; other kinds as they are.
 fn kind_name(kind: &str) -> String {
-    if kind.starts_with("sparse") { kind.to_uppercase() } else { kind.to_owned() }
+    if kind.starts_with("sparse") {
+        kind.to_uppercase()
+    } else {
+        kind.to_owned()
+    }
 }
 
 /// The paper's spelling of an algorithm's name; the name itself where it is of no algorithm.
@@ -248,7 +307,10 @@ mod tests {
     use crate::report::fixture;
 
     fn texts(keys: &[Key], groups: &[Group<'_>]) -> Vec<String> {
-        labels(keys, groups).into_iter().map(|label| label.text).collect()
+        labels(keys, groups)
+            .into_iter()
+            .map(|label| label.text)
+            .collect()
     }
 
     #[test]
@@ -258,7 +320,10 @@ mod tests {
         let value: Result<toml::Table, _> =
             toml::from_str("reward = { sparse2 = { distance = 5.0, mode = 'milestone' } }");
         let value = value.expect("TOML");
-        assert_eq!(Notation::Digits.label(&value["reward"]), "SPARSE2 distance 5, mode milestone");
+        assert_eq!(
+            Notation::Digits.label(&value["reward"]),
+            "SPARSE2 distance 5, mode milestone"
+        );
     }
 
     #[test]
@@ -269,26 +334,45 @@ mod tests {
             fixture::ppo("HalfCheetah-v2", 0),
         ];
         let runs: Vec<&Run> = runs.iter().collect();
-        assert_eq!(hidden_axes(&runs, &[Key::Env]), [Key::Algorithm, "d".into()]);
-        assert_eq!(hidden_axes(&runs, &[Key::Env, Key::Algorithm, "d".into()]), []);
+        assert_eq!(
+            hidden_axes(&runs, &[Key::Env]),
+            [Key::Algorithm, "d".into()]
+        );
+        assert_eq!(
+            hidden_axes(&runs, &[Key::Env, Key::Algorithm, "d".into()]),
+            []
+        );
     }
 
     #[test]
     fn an_axis_bound_to_the_environment_is_not_hidden_within_one() {
-        let runs = [fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 0), fixture::mcpo("Ant-v2", 1e-5, 1e-3, 0)];
+        let runs = [
+            fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 0),
+            fixture::mcpo("Ant-v2", 1e-5, 1e-3, 0),
+        ];
         let runs: Vec<&Run> = runs.iter().collect();
         assert_eq!(hidden_axes(&runs, &[Key::Env]), []);
     }
 
     #[test]
     fn the_defaults_of_all_environments_are_one_value_where_none_was_chosen() {
-        let relative =
-            |env: &str| fixture::run("mcpo", &format!("env = [{env:?}]\nseed = [0]\nd = [{{ relative = 0.01 }}]"));
-        let (hopper, ant) = (fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 0), fixture::mcpo("Ant-v2", 1e-5, 1e-3, 0));
+        let relative = |env: &str| {
+            fixture::run(
+                "mcpo",
+                &format!("env = [{env:?}]\nseed = [0]\nd = [{{ relative = 0.01 }}]"),
+            )
+        };
+        let (hopper, ant) = (
+            fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 0),
+            fixture::mcpo("Ant-v2", 1e-5, 1e-3, 0),
+        );
         let keys = [Key::Algorithm, "d".into()];
         let told = |runs: &[&Run], keys: &[Key]| texts(keys, &group(runs, keys));
         let (of_hopper, of_ant) = (relative("Hopper-v2"), relative("Ant-v2"));
-        assert_eq!(told(&[&hopper, &of_hopper, &ant, &of_ant], &keys), ["MCPO", "d = relative 0.01"]);
+        assert_eq!(
+            told(&[&hopper, &of_hopper, &ant, &of_ant], &keys),
+            ["MCPO", "d = relative 0.01"]
+        );
         let rows = [Key::Env, "d".into()];
         assert_eq!(
             group(&[&hopper, &of_hopper, &ant, &of_ant], &rows).len(),
@@ -296,8 +380,14 @@ mod tests {
             "each environment's own, where it is named"
         );
         // Ant's 1e-4 is chosen, and Hopper's the default: they are asked for as one value.
-        let (swapped, chosen) = (fixture::mcpo("Ant-v2", 1e-4, 1e-3, 0), fixture::mcpo("Hopper-v2", 1e-5, 1e-3, 0));
-        assert_eq!(told(&[&hopper, &chosen, &swapped, &ant], &keys), ["d = 10⁻⁴", "d = 10⁻⁵"]);
+        let (swapped, chosen) = (
+            fixture::mcpo("Ant-v2", 1e-4, 1e-3, 0),
+            fixture::mcpo("Hopper-v2", 1e-5, 1e-3, 0),
+        );
+        assert_eq!(
+            told(&[&hopper, &chosen, &swapped, &ant], &keys),
+            ["d = 10⁻⁴", "d = 10⁻⁵"]
+        );
     }
 
     #[test]
@@ -310,16 +400,28 @@ mod tests {
         let runs: Vec<&Run> = runs.iter().collect();
         let keys = ["d".into(), "epsilon".into()];
         let groups = group(&runs, &keys);
-        assert_eq!(groups.iter().map(|group| group.runs.len()).collect::<Vec<_>>(), [2, 1]);
+        assert_eq!(
+            groups
+                .iter()
+                .map(|group| group.runs.len())
+                .collect::<Vec<_>>(),
+            [2, 1]
+        );
         assert_eq!(texts(&keys, &groups), ["d = 1", "d = 10⁻⁶"]);
     }
 
     #[test]
     fn labels_leave_out_an_axis_that_a_run_does_not_have() {
-        let runs = [fixture::mcpo("Ant-v2", 1e-5, 1e-3, 0), fixture::ppo("Ant-v2", 0)];
+        let runs = [
+            fixture::mcpo("Ant-v2", 1e-5, 1e-3, 0),
+            fixture::ppo("Ant-v2", 0),
+        ];
         let runs: Vec<&Run> = runs.iter().collect();
         let keys = [Key::Algorithm, "epsilon".into()];
-        assert_eq!(texts(&keys, &group(&runs, &keys)), ["MCPO, ε = 10⁻³", "PPO"]);
+        assert_eq!(
+            texts(&keys, &group(&runs, &keys)),
+            ["MCPO, ε = 10⁻³", "PPO"]
+        );
         let only_env = [Key::Env];
         assert_eq!(texts(&only_env, &group(&runs, &only_env)), ["Ant-v2"]);
     }
@@ -329,10 +431,19 @@ mod tests {
         let labels = |numbers: &[f64]| {
             let values: Vec<toml::Value> = numbers.iter().map(|number| (*number).into()).collect();
             let notation = Notation::of(&values);
-            values.iter().map(|value| notation.label(value)).collect::<Vec<_>>()
+            values
+                .iter()
+                .map(|value| notation.label(value))
+                .collect::<Vec<_>>()
         };
-        assert_eq!(labels(&[0.0, 1.0, 0.1, 15.0, -0.05]), ["0", "1", "0.1", "15", "−0.05"]);
-        assert_eq!(labels(&[1.0, 0.1, 1e-3, 0.0, 15.0]), ["1", "10⁻¹", "10⁻³", "0", "1.5·10¹"]);
+        assert_eq!(
+            labels(&[0.0, 1.0, 0.1, 15.0, -0.05]),
+            ["0", "1", "0.1", "15", "−0.05"]
+        );
+        assert_eq!(
+            labels(&[1.0, 0.1, 1e-3, 0.0, 15.0]),
+            ["1", "10⁻¹", "10⁻³", "0", "1.5·10¹"]
+        );
         assert_eq!(labels(&[2e-3, -1e-6, 1e6]), ["2·10⁻³", "−10⁻⁶", "10⁶"]);
     }
 }

@@ -1,7 +1,7 @@
 //! One cell of a table of returns: the runs of one row and column as numbers.
 //!
-//! Owns our mean with its interval, the best seed, the paper's value, and what keeps both from being compared. Knows nothing of
-//! the table around it. Start at [`Cell::new`].
+//! Owns our mean with its interval, the best seed, the paper's value, and what keeps both from
+//! being compared. Knows nothing of the table around it. Start at [`Cell::new`].
 
 use std::collections::BTreeSet;
 
@@ -25,7 +25,8 @@ pub struct Row {
     pub labels: Vec<String>,
     /// The value of each row key.
     pub values: Vec<Option<toml::Value>>,
-    /// The return of the demonstration that the row's runs learned from, where the row is one environment.
+    /// The return of the demonstration that the row's runs learned from, where the row is one
+    /// environment.
     pub demo: Option<f64>,
     /// The same in the paper, where the table is compared with one of the paper's.
     pub paper_demo: Option<f64>,
@@ -36,7 +37,8 @@ pub struct Row {
 /// One cell: the runs of one row and column.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Cell {
-    /// Mean over the finished seeds of their final evaluation's mean dense return, with its t interval.
+    /// Mean over the finished seeds of their final evaluation's mean dense return, with its t
+    /// interval.
     pub ours: Option<Interval>,
     /// The values of the finished seeds, each with its seed.
     pub values: Vec<(u64, f64)>,
@@ -80,36 +82,70 @@ impl Cell {
             .filter(|(_, returns)| !returns.is_empty())
             .collect();
         let means: Vec<f64> = seeds.iter().map(|(_, returns)| mean(returns)).collect();
-        let best = seeds.iter().zip(&means).max_by(|left, right| left.1.total_cmp(right.1));
+        let best = seeds
+            .iter()
+            .zip(&means)
+            .max_by(|left, right| left.1.total_cmp(right.1));
         let best = best.map(|((seed, returns), &mean)| Best {
             seed: *seed,
             mean,
-            std: (returns.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (returns.len() as f64 - 1.0)).sqrt(),
+            std: (returns.iter().map(|x| (x - mean).powi(2)).sum::<f64>()
+                / (returns.len() as f64 - 1.0))
+                .sqrt(),
             episodes: returns.len(),
         });
         let ours = t_interval(&means, CONFIDENCE);
-        let PaperSide { value: paper, departures } = match reference {
+        let PaperSide {
+            value: paper,
+            departures,
+        } = match reference {
             Some(reference) => PaperSide::of(runs, reference == Reference::Table5),
             None => PaperSide::default(),
         };
-        let env_steps = runs.iter().map(|run| run.spec.budget.env_steps.get()).min().unwrap_or(0);
+        let env_steps = runs
+            .iter()
+            .map(|run| run.spec.budget.env_steps.get())
+            .min()
+            .unwrap_or(0);
         let needed = reference::assumed_budget(&runs[0].spec);
         let reason = match ours {
             None => Some("no finished run".to_owned()),
-            Some(_) if seeds.len() < SEEDS_FOR_VERDICT => {
-                Some(format!("{}; {SEEDS_FOR_VERDICT} are needed", amount::count(seeds.len(), "seed")))
-            }
-            Some(_) if env_steps < needed => {
-                Some(format!("{} of {} steps", amount::steps(env_steps), amount::steps(needed)))
-            }
+            Some(_) if seeds.len() < SEEDS_FOR_VERDICT => Some(format!(
+                "{}; {SEEDS_FOR_VERDICT} are needed",
+                amount::count(seeds.len(), "seed")
+            )),
+            Some(_) if env_steps < needed => Some(format!(
+                "{} of {} steps",
+                amount::steps(env_steps),
+                amount::steps(needed)
+            )),
             Some(_) => None,
         };
-        let failed = runs.iter().filter(|run| matches!(run.state, State::Failed { .. })).count();
-        let comparison = paper.filter(|_| reason.is_none()).zip(reference::scale(runs[0].spec.env.name()));
-        let comparison = comparison.and_then(|(paper, scale)| Comparison::new(&means, failed, paper, scale));
-        let verdict = reason.filter(|_| paper.is_some()).map(Verdict::NotComparable);
+        let failed = runs
+            .iter()
+            .filter(|run| matches!(run.state, State::Failed { .. }))
+            .count();
+        let comparison = paper
+            .filter(|_| reason.is_none())
+            .zip(reference::scale(runs[0].spec.env.name()));
+        let comparison =
+            comparison.and_then(|(paper, scale)| Comparison::new(&means, failed, paper, scale));
+        let verdict = reason
+            .filter(|_| paper.is_some())
+            .map(Verdict::NotComparable);
         let values = seeds.iter().map(|(seed, _)| *seed).zip(means).collect();
         let (seeds, planned) = (seeds.len(), runs.len());
-        Self { ours, values, seeds, planned, best, paper, departures, comparison, verdict, env_steps }
+        Self {
+            ours,
+            values,
+            seeds,
+            planned,
+            best,
+            paper,
+            departures,
+            comparison,
+            verdict,
+            env_steps,
+        }
     }
 }

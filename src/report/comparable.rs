@@ -2,14 +2,17 @@
 //!
 //! Owns that rule. Knows nothing of means or files. Start at [`changes`] and [`tell_apart`].
 //!
-//! A run that was recorded by another specification than the file's is left out, and what differs is told. Three things the
-//! file alone does not decide, and there runs are compared with each other, so that old results can be reported anywhere:
+//! A run that was recorded by another specification than the file's is left out, and what differs
+//! is told. Three things the file alone does not decide, and there runs are compared with each
+//! other, so that old results can be reported anywhere:
 //!
-//! - the **budget**: a run can be continued to a greater one, so a smaller campaign is reported before it is. Where some runs of
-//!   an environment have the file's budget, those with another are left out; where all have one other, they stand, with a remark;
-//! - the **demonstration**'s content: of runs that learned from one path, those stand that learned from what most did;
-//! - the **versions** of what computes numbers: of an algorithm's runs in an environment, those stand that were computed by what
-//!   most were.
+//! - the **budget**: a run can be continued to a greater one, so a smaller campaign is reported
+//!   before it is. Where some runs of an environment have the file's budget, those with another are
+//!   left out; where all have one other, they stand, with a remark;
+//! - the **demonstration**'s content: of runs that learned from one path, those stand that learned
+//!   from what most did;
+//! - the **versions** of what computes numbers: of an algorithm's runs in an environment, those
+//!   stand that were computed by what most were.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -21,16 +24,26 @@ pub const FORMAT: &str = "the specification's format";
 
 const BUDGET: &str = "budget.env_steps";
 
-/// What differs between a run as it was `recorded` and as it is `planned`, as `key: recorded -> planned`: the budget apart, and
-/// where that differs the evaluations too, whose distance follows it.
+/// What differs between a run as it was `recorded` and as it is `planned`, as `key: recorded ->
+/// planned`: the budget apart, and where that differs the evaluations too, whose distance follows
+/// it.
 pub fn changes(recorded: &RunSpec, planned: &RunSpec) -> Vec<String> {
     let another_budget = recorded.budget != planned.budget;
     let counts = |change: &String| {
         let key = key(change);
         key != BUDGET && !(another_budget && key.starts_with("evaluation."))
     };
-    let changes = plan::differences(recorded, planned).into_iter().filter(counts);
-    changes.map(|change| change.strip_prefix("algorithm.").map(str::to_owned).unwrap_or(change)).collect()
+    let changes = plan::differences(recorded, planned)
+        .into_iter()
+        .filter(counts);
+    changes
+        .map(|change| {
+            change
+                .strip_prefix("algorithm.")
+                .map(str::to_owned)
+                .unwrap_or(change)
+        })
+        .collect()
 }
 
 /// The key that a change is of.
@@ -38,20 +51,33 @@ pub fn key(change: &str) -> &str {
     change.split(": ").next().unwrap_or(change)
 }
 
-/// Marks those of `runs` (one a planned run) that may not stand beside the others, and gives remarks on those that do.
+/// Marks those of `runs` (one a planned run) that may not stand beside the others, and gives
+/// remarks on those that do.
 pub fn tell_apart(plan: &[RunSpec], runs: &mut [Run]) -> Vec<String> {
     let mut remarks = budgets(plan, runs);
     most_common(
         runs,
         |run, recording| {
-            Some((format!("{} {:?}", run.spec.env, run.spec.demonstration), recording.demonstration.clone()?))
+            Some((
+                format!("{} {:?}", run.spec.env, run.spec.demonstration),
+                recording.demonstration.clone()?,
+            ))
         },
-        |recorded, common| vec![format!("demonstration: {} -> {}", digest(recorded), digest(common))],
+        |recorded, common| {
+            vec![format!(
+                "demonstration: {} -> {}",
+                digest(recorded),
+                digest(common)
+            )]
+        },
     );
     most_common(
         runs,
         |run, recording| {
-            Some((format!("{} {}", run.spec.env, run.spec.algorithm_name()), recording.versions.to_string()))
+            Some((
+                format!("{} {}", run.spec.env, run.spec.algorithm_name()),
+                recording.versions.to_string(),
+            ))
         },
         versions,
     );
@@ -59,14 +85,22 @@ pub fn tell_apart(plan: &[RunSpec], runs: &mut [Run]) -> Vec<String> {
     remarks
 }
 
-/// Lets go of what runs under way have come to where it may not stand beside the first run of their environment and algorithm that
-/// is drawn, a finished one if there is any.
+/// Lets go of what runs under way have come to where it may not stand beside the first run of their
+/// environment and algorithm that is drawn, a finished one if there is any.
 fn under_way(runs: &mut [Run]) -> Option<String> {
     let of = |run: &Run| {
-        let recording = run.recording().or(run.under_way.as_ref().map(|so_far| &so_far.recording))?;
+        let recording = run
+            .recording()
+            .or(run.under_way.as_ref().map(|so_far| &so_far.recording))?;
         Some((recording.demonstration.clone(), recording.versions.clone()))
     };
-    let key = |run: &Run| (run.spec.env.name(), run.spec.algorithm_name().to_owned(), run.spec.demonstration.clone());
+    let key = |run: &Run| {
+        (
+            run.spec.env.name(),
+            run.spec.algorithm_name().to_owned(),
+            run.spec.demonstration.clone(),
+        )
+    };
     let mut first: Vec<(_, _)> = Vec::new();
     let finished = runs.iter().filter(|run| run.recording().is_some());
     for run in finished.chain(runs.iter().filter(|run| run.under_way.is_some())) {
@@ -91,19 +125,29 @@ fn digest(text: &str) -> String {
     text.chars().take(8).collect()
 }
 
-/// Leaves out the runs whose budget is not the file's, unless all of their environment have one other.
+/// Leaves out the runs whose budget is not the file's, unless all of their environment have one
+/// other.
 fn budgets(plan: &[RunSpec], runs: &mut [Run]) -> Vec<String> {
     let mut pairs: BTreeMap<&str, Vec<(usize, u64, u64)>> = BTreeMap::new();
     for (index, (run, planned)) in runs.iter().zip(plan).enumerate() {
         if run.recording().is_some() {
-            let (recorded, wanted) = (run.spec.budget.env_steps.get(), planned.budget.env_steps.get());
-            pairs.entry(planned.env.name()).or_default().push((index, recorded, wanted));
+            let (recorded, wanted) = (
+                run.spec.budget.env_steps.get(),
+                planned.budget.env_steps.get(),
+            );
+            pairs
+                .entry(planned.env.name())
+                .or_default()
+                .push((index, recorded, wanted));
         }
     }
     let mut remarks = Vec::new();
     for (env, pairs) in pairs {
         let (_, recorded, wanted) = pairs[0];
-        if pairs.iter().all(|pair| (pair.1, pair.2) == (recorded, wanted)) {
+        if pairs
+            .iter()
+            .all(|pair| (pair.1, pair.2) == (recorded, wanted))
+        {
             if recorded != wanted {
                 remarks
                     .push(format!("All runs in {env} were recorded with another `{BUDGET}`: {recorded} -> {wanted}."));
@@ -120,14 +164,18 @@ fn budgets(plan: &[RunSpec], runs: &mut [Run]) -> Vec<String> {
     remarks
 }
 
-/// Leaves out, in each group, the finished runs whose trait is not the one that most have (of equals, the first run's).
-/// `group_and_trait` gives a run's, `changes` what differs between two traits.
+/// Leaves out, in each group, the finished runs whose trait is not the one that most have (of
+/// equals, the first run's). `group_and_trait` gives a run's, `changes` what differs between two
+/// traits.
 fn most_common(
     runs: &mut [Run],
     group_and_trait: impl Fn(&Run, &Recording) -> Option<(String, String)>,
     changes: impl Fn(&str, &str) -> Vec<String>,
 ) {
-    let found: Vec<Option<(String, String)>> = runs.iter().map(|run| group_and_trait(run, run.recording()?)).collect();
+    let found: Vec<Option<(String, String)>> = runs
+        .iter()
+        .map(|run| group_and_trait(run, run.recording()?))
+        .collect();
     let mut counts: BTreeMap<&str, Vec<(&str, usize)>> = BTreeMap::new();
     for (group, own) in found.iter().flatten() {
         let traits = counts.entry(group).or_default();
@@ -138,9 +186,14 @@ fn most_common(
     }
     for (run, found) in runs.iter_mut().zip(&found) {
         let Some((group, own)) = found else { continue };
-        let most = counts[group.as_str()].iter().rev().max_by_key(|(_, count)| *count);
+        let most = counts[group.as_str()]
+            .iter()
+            .rev()
+            .max_by_key(|(_, count)| *count);
         if let Some((common, _)) = most.filter(|(common, _)| common != own) {
-            run.state = State::Differs { changes: changes(own, common) };
+            run.state = State::Differs {
+                changes: changes(own, common),
+            };
         }
     }
 }
@@ -149,20 +202,36 @@ fn most_common(
 fn versions(recorded: &str, common: &str) -> Vec<String> {
     let read = |text: &str| {
         let mut leaves = BTreeMap::new();
-        flatten("versions", serde_json::from_str(text).unwrap_or_default(), &mut leaves);
+        flatten(
+            "versions",
+            serde_json::from_str(text).unwrap_or_default(),
+            &mut leaves,
+        );
         leaves
     };
     let (before, after) = (read(recorded), read(common));
     let show = |value: Option<&String>| value.map_or("absent", String::as_str).to_owned();
     let keys: BTreeSet<&String> = before.keys().chain(after.keys()).collect();
-    let differing = keys.into_iter().filter(|key| before.get(*key) != after.get(*key));
-    differing.map(|key| format!("{key}: {} -> {}", show(before.get(key)), show(after.get(key)))).collect()
+    let differing = keys
+        .into_iter()
+        .filter(|key| before.get(*key) != after.get(*key));
+    differing
+        .map(|key| {
+            format!(
+                "{key}: {} -> {}",
+                show(before.get(key)),
+                show(after.get(key))
+            )
+        })
+        .collect()
 }
 
 fn flatten(key: &str, value: serde_json::Value, leaves: &mut BTreeMap<String, String>) {
     match value {
         serde_json::Value::Object(fields) => {
-            fields.into_iter().for_each(|(name, value)| flatten(&format!("{key}.{name}"), value, leaves));
+            fields
+                .into_iter()
+                .for_each(|(name, value)| flatten(&format!("{key}.{name}"), value, leaves));
         }
         leaf => {
             leaves.insert(key.to_owned(), leaf.to_string());
@@ -181,17 +250,24 @@ mod tests {
         fixture::ppo("Hopper-v2", seed).finished(&[(100, &[1.0])])
     }
 
-    /// What is left out of `recorded`, by its place, where the file says `planned`; and the remarks.
+    /// What is left out of `recorded`, by its place, where the file says `planned`; and the
+    /// remarks.
     fn left_out(recorded: &[Run], planned: &[Run]) -> (Vec<(usize, Vec<String>)>, Vec<String>) {
         let folder = tempfile::tempdir().expect("a folder");
-        recorded.iter().for_each(|run| fixture::record(run, folder.path()));
+        recorded
+            .iter()
+            .for_each(|run| fixture::record(run, folder.path()));
         let plan: Vec<RunSpec> = planned.iter().map(|run| run.spec.clone()).collect();
         let loaded = load(&plan, folder.path(), &[]).expect("good ids");
-        let differing = loaded.runs.into_iter().enumerate().filter_map(|(index, run)| match run.state {
-            State::Differs { changes } => Some((index, changes)),
-            State::Finished(_) => None,
-            other => panic!("run {index}: {other:?}"),
-        });
+        let differing = loaded
+            .runs
+            .into_iter()
+            .enumerate()
+            .filter_map(|(index, run)| match run.state {
+                State::Differs { changes } => Some((index, changes)),
+                State::Finished(_) => None,
+                other => panic!("run {index}: {other:?}"),
+            });
         (differing.collect(), loaded.remarks)
     }
 
@@ -199,47 +275,91 @@ mod tests {
     fn what_the_file_no_longer_says_is_left_out_with_the_key_old_and_new() {
         let mut edited = [run(0), run(1)];
         for run in &mut edited {
-            let axes = format!("env = [\"Hopper-v2\"]\nseed = [{}]\n\"ppo.clip\" = [0.9]", run.spec.seed.0);
+            let axes = format!(
+                "env = [\"Hopper-v2\"]\nseed = [{}]\n\"ppo.clip\" = [0.9]",
+                run.spec.seed.0
+            );
             let (id, axes) = (run.spec.id.clone(), fixture::run("ppo", &axes));
             *run = Run::new(RunSpec { id, ..axes.spec }, State::Missing);
         }
         let (out, remarks) = left_out(&[run(0), run(1)], &edited);
         let change = vec!["ppo.clip: 0.2 -> 0.9".to_owned()];
-        assert_eq!((out, remarks), (vec![(0, change.clone()), (1, change)], vec![]));
+        assert_eq!(
+            (out, remarks),
+            (vec![(0, change.clone()), (1, change)], vec![])
+        );
     }
 
     #[test]
     fn another_budget_is_left_out_unless_all_have_it() {
         let (out, remarks) = left_out(&[run(0), run(1).budget(50)], &[run(0), run(1)]);
-        assert_eq!((out, remarks), (vec![(1, vec!["budget.env_steps: 50 -> 100".to_owned()])], vec![]));
+        assert_eq!(
+            (out, remarks),
+            (
+                vec![(1, vec!["budget.env_steps: 50 -> 100".to_owned()])],
+                vec![]
+            )
+        );
         let (out, remarks) = left_out(&[run(0).budget(50), run(1).budget(50)], &[run(0), run(1)]);
         let all = "All runs in Hopper-v2 were recorded with another `budget.env_steps`: 50 -> 100.";
         assert_eq!((out, remarks), (vec![], vec![all.to_owned()]));
         let (out, _) = left_out(&[run(0).budget(50), run(1).budget(70)], &[run(0), run(1)]);
-        assert_eq!(out.len(), 2, "neither is the file's, and they are not alike");
+        assert_eq!(
+            out.len(),
+            2,
+            "neither is the file's, and they are not alike"
+        );
         let mut coarse = run(0).budget(50);
         coarse.spec.evaluation.every = crate::quantity::constant(7);
-        assert!(left_out(&[coarse], &[run(0)]).0.is_empty(), "the distance of evaluations follows the budget");
+        assert!(
+            left_out(&[coarse], &[run(0)]).0.is_empty(),
+            "the distance of evaluations follows the budget"
+        );
         let ant = || fixture::ppo("Ant-v2", 0).finished(&[(100, &[1.0])]);
         let (out, remarks) = left_out(&[run(0), ant().budget(50)], &[run(0), ant()]);
-        assert!(out.is_empty() && remarks.len() == 1, "one environment, one budget: {out:?}");
+        assert!(
+            out.is_empty() && remarks.len() == 1,
+            "one environment, one budget: {out:?}"
+        );
     }
 
     #[test]
     fn another_demonstration_or_another_program_is_left_out() {
         let learned = |seed, digest| {
-            fixture::mcpo("Hopper-v2", 1e-4, 1e-3, seed).finished(&[(100, &[1.0])]).demonstrated(Some(digest), None)
+            fixture::mcpo("Hopper-v2", 1e-4, 1e-3, seed)
+                .finished(&[(100, &[1.0])])
+                .demonstrated(Some(digest), None)
         };
-        let runs = [learned(0, "0123456789ab"), learned(1, "fedcba987654"), learned(2, "fedcba987654"), run(0)];
+        let runs = [
+            learned(0, "0123456789ab"),
+            learned(1, "fedcba987654"),
+            learned(2, "fedcba987654"),
+            run(0),
+        ];
         let (out, _) = left_out(&runs, &runs);
-        assert_eq!(out, [(0, vec!["demonstration: 01234567 -> fedcba98".to_owned()])]);
+        assert_eq!(
+            out,
+            [(0, vec!["demonstration: 01234567 -> fedcba98".to_owned()])]
+        );
 
-        let by = |run: Run, revision| run.by(json!({ "revisions": { "ppo": revision }, "mujoco": "3.17.0" }));
+        let by = |run: Run, revision| {
+            run.by(json!({ "revisions": { "ppo": revision }, "mujoco": "3.17.0" }))
+        };
         let runs = [by(run(0), 4), by(run(1), 5), by(run(2), 5)];
         let (out, _) = left_out(&runs, &runs);
-        assert_eq!(out, [(0, vec!["versions.revisions.ppo: 4 -> 5".to_owned()])]);
-        let other = by(fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 0).finished(&[(100, &[1.0])]), 9);
+        assert_eq!(
+            out,
+            [(0, vec!["versions.revisions.ppo: 4 -> 5".to_owned()])]
+        );
+        let other = by(
+            fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 0).finished(&[(100, &[1.0])]),
+            9,
+        );
         let runs = [by(run(0), 4), other, by(run(1), 4)];
-        assert_eq!(left_out(&runs, &runs).0, [], "another algorithm has revisions of its own");
+        assert_eq!(
+            left_out(&runs, &runs).0,
+            [],
+            "another algorithm has revisions of its own"
+        );
     }
 }

@@ -1,12 +1,14 @@
 //! Two experiments, or two folders of results, cell by cell.
 //!
-//! Owns which cells of both belong together, and the test of their difference. Knows nothing of the paper but its margin. Start at
+//! Owns which cells of both belong together, and the test of their difference. Knows nothing of the
+//! paper but its margin. Start at
 //! [`CompareData::new`].
 //!
-//! A cell is what differs in its seeds alone. Cells of one name belong together, and else those of the same settings. The verdict is
-//! that of a printed value with Welch's interval in the place of one draw's: two one-sided tests with a margin of a tenth of the
-//! paper's Expert - Random (Schuirmann, 1987), and Holm's correction over all cells for what lies beyond it. Runs that failed count
-//! a second time at the Random policy's return, and a verdict holds both ways.
+//! A cell is what differs in its seeds alone. Cells of one name belong together, and else those of
+//! the same settings. The verdict is that of a printed value with Welch's interval in the place of
+//! one draw's: two one-sided tests with a margin of a tenth of the paper's Expert - Random
+//! (Schuirmann, 1987), and Holm's correction over all cells for what lies beyond it. Runs that
+//! failed count a second time at the Random policy's return, and a verdict holds both ways.
 
 use std::{
     fs,
@@ -68,10 +70,16 @@ pub fn in_folder(folder: &Path) -> Result<(Vec<Run>, Vec<String>), ReportError> 
     let root = home.join("runs");
     let mut manifests = Vec::new();
     find(&root, DEEPEST, &mut manifests).map_err(|source| io(&root, source))?;
-    let (results, name) = (home.parent().unwrap_or(&home), home.file_name().unwrap_or_default().to_string_lossy());
+    let (results, name) = (
+        home.parent().unwrap_or(&home),
+        home.file_name().unwrap_or_default().to_string_lossy(),
+    );
     let (mut plan, mut remarks) = (Vec::new(), Vec::new());
     for file in manifests {
-        let id = file.parent().and_then(|run| run.strip_prefix(&root).ok()).unwrap_or(Path::new(""));
+        let id = file
+            .parent()
+            .and_then(|run| run.strip_prefix(&root).ok())
+            .unwrap_or(Path::new(""));
         let id = id.to_string_lossy().into_owned();
         let read = Manifest::read(&file).map_err(|error| error.to_string());
         let spec = read.and_then(|manifest| {
@@ -79,7 +87,11 @@ pub fn in_folder(folder: &Path) -> Result<(Vec<Run>, Vec<String>), ReportError> 
             plan::recorded(&manifest.stamp.spec).map_err(|error| error.to_string())
         });
         match spec {
-            Ok(spec) => plan.push(plan::RunSpec { experiment: name.clone().into_owned(), id, ..spec }),
+            Ok(spec) => plan.push(plan::RunSpec {
+                experiment: name.clone().into_owned(),
+                id,
+                ..spec
+            }),
             Err(reason) => remarks.push(format!("{id} is left out: {reason}")),
         }
     }
@@ -89,7 +101,11 @@ pub fn in_folder(folder: &Path) -> Result<(Vec<Run>, Vec<String>), ReportError> 
 }
 
 fn io(path: &Path, source: std::io::Error) -> RecordError {
-    RecordError::Io { action: "read", path: path.to_owned(), source }
+    RecordError::Io {
+        action: "read",
+        path: path.to_owned(),
+        source,
+    }
 }
 
 /// The manifests of ended runs below `folder`, by name; links are not followed.
@@ -119,10 +135,17 @@ fn cells(runs: &[Run]) -> Vec<Cell<'_>> {
     let mut cells: Vec<Cell<'_>> = Vec::new();
     let mut known = std::collections::HashMap::new();
     for run in runs {
-        let name = run.spec.id.rsplit_once('/').map_or(run.spec.id.as_str(), |(cell, _)| cell);
+        let name = run
+            .spec
+            .id
+            .rsplit_once('/')
+            .map_or(run.spec.id.as_str(), |(cell, _)| cell);
         let index = *known.entry(name).or_insert(cells.len());
         if index == cells.len() {
-            cells.push(Cell { name, runs: Vec::new() });
+            cells.push(Cell {
+                name,
+                runs: Vec::new(),
+            });
         }
         cells[index].runs.push(run);
     }
@@ -134,9 +157,14 @@ impl CompareData {
     pub fn new(first: &[Run], second: &[Run]) -> Self {
         let (ours, theirs) = (cells(first), cells(second));
         let mut taken = vec![false; theirs.len()];
-        let by_name: Vec<Option<usize>> =
-            ours.iter().map(|cell| theirs.iter().position(|other| other.name == cell.name)).collect();
-        by_name.iter().flatten().for_each(|&index| taken[index] = true);
+        let by_name: Vec<Option<usize>> = ours
+            .iter()
+            .map(|cell| theirs.iter().position(|other| other.name == cell.name))
+            .collect();
+        by_name
+            .iter()
+            .flatten()
+            .for_each(|&index| taken[index] = true);
         let (mut rows, mut tests, mut alone) = (Vec::new(), Vec::new(), [Vec::new(), Vec::new()]);
         for (cell, named) in ours.iter().zip(by_name) {
             let same = |index: &usize| !taken[*index] && changes(cell, &theirs[*index]).is_empty();
@@ -149,8 +177,12 @@ impl CompareData {
             rows.push(row);
             tests.push(test);
         }
-        alone[1] =
-            theirs.iter().zip(&taken).filter(|(_, taken)| !**taken).map(|(cell, _)| cell.name.to_owned()).collect();
+        alone[1] = theirs
+            .iter()
+            .zip(&taken)
+            .filter(|(_, taken)| !**taken)
+            .map(|(cell, _)| cell.name.to_owned())
+            .collect();
         settle(&mut rows, &tests);
         let notes = notes_of(&rows, &alone);
         Self { rows, notes }
@@ -177,14 +209,22 @@ impl Test {
 
     /// The p value of the difference not lying within the margin.
     fn not_within(&self) -> f64 {
-        self.greatest(|way| way.confidence_below(-self.margin).max(1.0 - way.confidence_below(self.margin)))
+        self.greatest(|way| {
+            way.confidence_below(-self.margin)
+                .max(1.0 - way.confidence_below(self.margin))
+        })
     }
 
-    /// The p value of the difference not lying beyond the margin, for this row alone, and on which side it does.
+    /// The p value of the difference not lying beyond the margin, for this row alone, and on which
+    /// side it does.
     fn beyond(&self) -> (f64, Verdict) {
         let worse = self.greatest(|way| 1.0 - way.confidence_below(-self.margin));
         let better = self.greatest(|way| way.confidence_below(self.margin));
-        let (p, verdict) = if worse < better { (worse, Verdict::Worse) } else { (better, Verdict::Better) };
+        let (p, verdict) = if worse < better {
+            (worse, Verdict::Worse)
+        } else {
+            (better, Verdict::Better)
+        };
         ((2.0 * p).min(1.0), verdict)
     }
 }
@@ -194,20 +234,34 @@ impl CompareRow {
     fn new(ours: &Cell<'_>, theirs: &Cell<'_>) -> (Self, Option<Test>) {
         let sides = [ours, theirs];
         let values = sides.map(|cell| -> Vec<f64> {
-            cell.runs.iter().filter_map(|run| Some(mean(&run.recording()?.final_returns()))).collect()
+            cell.runs
+                .iter()
+                .filter_map(|run| Some(mean(&run.recording()?.final_returns())))
+                .collect()
         });
-        let failed = sides.map(|cell| cell.runs.iter().filter(|run| matches!(run.state, State::Failed { .. })).count());
+        let failed = sides.map(|cell| {
+            cell.runs
+                .iter()
+                .filter(|run| matches!(run.state, State::Failed { .. }))
+                .count()
+        });
         let scale = reference::scale(ours.runs[0].spec.env.name());
         let fewest = values.iter().map(Vec::len).min().unwrap_or(0);
         let reason = match scale {
             None => Some("the paper has no margin for this environment".to_owned()),
-            Some(_) if fewest < SEEDS_FOR_VERDICT => {
-                Some(format!("{}; {SEEDS_FOR_VERDICT} are needed", amount::count(fewest, "seed")))
-            }
+            Some(_) if fewest < SEEDS_FOR_VERDICT => Some(format!(
+                "{}; {SEEDS_FOR_VERDICT} are needed",
+                amount::count(fewest, "seed")
+            )),
             Some(_) => None,
         };
-        let test = scale.filter(|_| reason.is_none()).and_then(|scale| test(&values, failed, scale));
-        let intervals = test.iter().flat_map(|test| &test.ways).map(|way| way.interval(1.0 - 2.0 * ALPHA));
+        let test = scale
+            .filter(|_| reason.is_none())
+            .and_then(|scale| test(&values, failed, scale));
+        let intervals = test
+            .iter()
+            .flat_map(|test| &test.ways)
+            .map(|way| way.interval(1.0 - 2.0 * ALPHA));
         let difference = intervals.reduce(|all, one| Interval {
             mean: all.mean,
             low: all.low.min(one.low),
@@ -227,11 +281,22 @@ impl CompareRow {
 }
 
 fn test(values: &[Vec<f64>; 2], failed: [usize; 2], scale: Scale) -> Option<Test> {
-    let worst = [0, 1].map(|side| [values[side].clone(), vec![scale.random; failed[side]]].concat());
-    let ways = if failed == [0, 0] { vec![values] } else { vec![values, &worst] };
+    let worst =
+        [0, 1].map(|side| [values[side].clone(), vec![scale.random; failed[side]]].concat());
+    let ways = if failed == [0, 0] {
+        vec![values]
+    } else {
+        vec![values, &worst]
+    };
     let contrast = |way: &&[Vec<f64>; 2]| Contrast::of(&[(1.0, &way[1]), (-1.0, &way[0])]);
-    let ways = ways.iter().map(contrast).collect::<Option<Vec<Contrast>>>()?;
-    Some(Test { ways, margin: scale.margin() })
+    let ways = ways
+        .iter()
+        .map(contrast)
+        .collect::<Option<Vec<Contrast>>>()?;
+    Some(Test {
+        ways,
+        margin: scale.margin(),
+    })
 }
 
 /// Gives the rows that were tested their verdicts, which allow for each other.
@@ -239,11 +304,18 @@ fn settle(rows: &mut [CompareRow], tests: &[Option<Test>]) {
     let alone: Vec<f64> = tests.iter().flatten().map(|test| test.beyond().0).collect();
     let mut corrected = holm(&alone).into_iter();
     for (row, test) in rows.iter_mut().zip(tests) {
-        let Some((test, p)) = test.as_ref().and_then(|test| Some((test, corrected.next()?))) else { continue };
+        let Some((test, p)) = test
+            .as_ref()
+            .and_then(|test| Some((test, corrected.next()?)))
+        else {
+            continue;
+        };
         row.verdict = match p {
             _ if test.not_within() <= ALPHA => Verdict::Reproduced,
             p if p <= ALPHA => test.beyond().1,
-            _ => Verdict::Inconclusive("the interval is neither within the margin nor beyond it".to_owned()),
+            _ => Verdict::Inconclusive(
+                "the interval is neither within the margin nor beyond it".to_owned(),
+            ),
         };
     }
 }
@@ -259,7 +331,11 @@ fn notes_of(rows: &[CompareRow], alone: &[Vec<String>; 2]) -> Vec<String> {
     for row in rows.iter().filter(|row| !row.changes.is_empty()) {
         notes.push(format!("{}: {}", row.cell, notes::listed(&row.changes)));
     }
-    for (side, names) in ["A", "B"].iter().zip(alone).filter(|(_, names)| !names.is_empty()) {
+    for (side, names) in ["A", "B"]
+        .iter()
+        .zip(alone)
+        .filter(|(_, names)| !names.is_empty())
+    {
         notes.push(format!("Only in {side}: {}.", notes::listed(names)));
     }
     notes
@@ -295,16 +371,25 @@ mod tests {
 
     /// The margin of HalfCheetah is 450.936.
     fn verdict(first: &[f64], second: &[f64]) -> Verdict {
-        CompareData::new(&runs(1e-3, first), &runs(1e-3, second)).rows.remove(0).verdict
+        CompareData::new(&runs(1e-3, first), &runs(1e-3, second))
+            .rows
+            .remove(0)
+            .verdict
     }
 
     #[test]
     fn the_margin_decides() {
         let base = [3000.0, 3010.0, 2990.0];
-        assert_eq!(verdict(&base, &[3100.0, 3110.0, 3090.0]), Verdict::Reproduced);
+        assert_eq!(
+            verdict(&base, &[3100.0, 3110.0, 3090.0]),
+            Verdict::Reproduced
+        );
         assert_eq!(verdict(&base, &[4000.0, 4010.0, 3990.0]), Verdict::Better);
         assert_eq!(verdict(&base, &[2000.0, 2010.0, 1990.0]), Verdict::Worse);
-        assert!(matches!(verdict(&base, &[1000.0, 5000.0, 3000.0]), Verdict::Inconclusive(_)));
+        assert!(matches!(
+            verdict(&base, &[1000.0, 5000.0, 3000.0]),
+            Verdict::Inconclusive(_)
+        ));
         assert!(
             matches!(verdict(&base, &[3000.0, 3000.0]), Verdict::NotComparable(reason) if reason.contains("2 seeds"))
         );
@@ -324,11 +409,14 @@ mod tests {
     #[test]
     fn the_interval_is_welchs() {
         let (a, b) = ([3000.0, 3200.0, 2900.0, 3100.0], [3300.0, 3900.0, 3500.0]);
-        let row = CompareData::new(&runs(1e-3, &a), &runs(1e-3, &b)).rows.remove(0);
+        let row = CompareData::new(&runs(1e-3, &a), &runs(1e-3, &b))
+            .rows
+            .remove(0);
         let found = row.difference.expect("enough seeds");
         assert!((found.mean - 516.6666666666667).abs() < 1e-9, "{found:?}");
         assert!(
-            (found.low - 40.138019566892694).abs() < 1e-4 && (found.high - 993.1953137664401).abs() < 1e-4,
+            (found.low - 40.138019566892694).abs() < 1e-4
+                && (found.high - 993.1953137664401).abs() < 1e-4,
             "{found:?}"
         );
     }
@@ -341,7 +429,13 @@ mod tests {
         let data = CompareData::new(&first, &second);
         assert_eq!(data.rows.len(), 1);
         assert_eq!(data.rows[0].called.as_deref(), Some("HalfCheetah-v2/mcpo"));
-        assert!(data.notes.iter().any(|note| note.contains("Only in A: HalfCheetah-v2/mcpo-d=1")), "{:?}", data.notes);
+        assert!(
+            data.notes
+                .iter()
+                .any(|note| note.contains("Only in A: HalfCheetah-v2/mcpo-d=1")),
+            "{:?}",
+            data.notes
+        );
         // Of one name, whatever was set.
         second[0].spec.id = first[1].spec.id.clone();
         let data = CompareData::new(&first[1..], &second);
@@ -352,15 +446,27 @@ mod tests {
     fn a_folder_is_read_without_its_file() {
         let folder = tempfile::tempdir().expect("a folder");
         let written = runs(1e-3, &[1.0, 2.0]);
-        written.iter().for_each(|run| fixture::record(run, folder.path()));
+        written
+            .iter()
+            .for_each(|run| fixture::record(run, folder.path()));
         let (read, remarks) = in_folder(&folder.path().join("made-up")).expect("readable");
         assert_eq!(remarks, [""; 0]);
-        let ids = |runs: &[Run]| runs.iter().map(|run| run.spec.id.clone()).collect::<Vec<_>>();
+        let ids = |runs: &[Run]| {
+            runs.iter()
+                .map(|run| run.spec.id.clone())
+                .collect::<Vec<_>>()
+        };
         assert_eq!(ids(&read), ids(&written));
-        fs::write(RunPaths::manifest(&folder.path().join("made-up/runs").join(&written[0].spec.id)), "{")
-            .expect("damaged");
+        fs::write(
+            RunPaths::manifest(&folder.path().join("made-up/runs").join(&written[0].spec.id)),
+            "{",
+        )
+        .expect("damaged");
         let (read, remarks) = in_folder(&folder.path().join("made-up")).expect("readable");
-        assert!(read.len() == 1 && remarks[0].contains("seed-0 is left out"), "{remarks:?}");
+        assert!(
+            read.len() == 1 && remarks[0].contains("seed-0 is left out"),
+            "{remarks:?}"
+        );
         assert!(in_folder(&folder.path().join("nothing")).is_err());
     }
 }

@@ -1,7 +1,7 @@
 //! Learning curves as numbers, before anything is drawn.
 //!
-//! Owns which runs make which curve in which panel. Knows nothing of pixels or files; the mean over seeds is `over_seeds`'. Start
-//! at [`CurveData::new`].
+//! Owns which runs make which curve in which panel. Knows nothing of pixels or files; the mean over
+//! seeds is `over_seeds`'. Start at [`CurveData::new`].
 
 use std::collections::BTreeSet;
 
@@ -30,7 +30,8 @@ pub struct CurveData {
     pub across: Across,
     /// What the y axis shows, with its unit.
     pub y_label: String,
-    /// Whether the y axis is logarithmic; then means and intervals are of log10, and the mean is geometric.
+    /// Whether the y axis is logarithmic; then means and intervals are of log10, and the mean is
+    /// geometric.
     pub log_y: bool,
     /// The column that is drawn, as the file names it.
     pub y: String,
@@ -151,16 +152,25 @@ pub struct Point {
 }
 
 impl CurveData {
-    /// The curves of `y`, drawn as `figure` says, over `runs`, which are those that its `only` selects, in the plan's order.
+    /// The curves of `y`, drawn as `figure` says, over `runs`, which are those that its `only`
+    /// selects, in the plan's order.
     pub fn new(figure: &Figure, y: Measure, runs: &[&Run], identities: &Identities) -> Self {
         let panel_axes: Vec<Key> = match &figure.panels {
             Panels::Axis(axis) => vec![axis.clone()],
             Panels::Selections(_) => Vec::new(),
         };
-        let mut keys: Vec<Key> = figure.series.iter().filter(|key| !panel_axes.contains(key)).cloned().collect();
+        let mut keys: Vec<Key> = figure
+            .series
+            .iter()
+            .filter(|key| !panel_axes.contains(key))
+            .cloned()
+            .collect();
         let panels = panels(&figure.panels, runs);
         for (_, inside) in &panels {
-            keys.extend(axis::hidden_axes(inside, &[keys.as_slice(), &panel_axes].concat()));
+            keys.extend(axis::hidden_axes(
+                inside,
+                &[keys.as_slice(), &panel_axes].concat(),
+            ));
         }
         keys.sort_by_key(|key| *key != Key::Algorithm); // it names a curve best
         if keys.is_empty() {
@@ -186,7 +196,9 @@ impl CurveData {
             y_label: y.label(),
             log_y: figure.log_y,
             y: y.name().to_owned(),
-            panel_key: panel_axes.first().map_or_else(|| "panel".to_owned(), Key::to_string),
+            panel_key: panel_axes
+                .first()
+                .map_or_else(|| "panel".to_owned(), Key::to_string),
             series: axis::labels(&keys, &series),
             looks: identities.looks(series.iter().map(|series| series.runs[0])),
             panels,
@@ -207,7 +219,11 @@ fn panels<'a>(panels: &Panels, runs: &[&'a Run]) -> Vec<(String, Vec<&'a Run>)> 
             let keys = std::slice::from_ref(axis);
             let groups = axis::group(runs, keys);
             let titles = axis::labels(keys, &groups);
-            titles.into_iter().zip(groups).map(|(title, group)| (title.text, group.runs)).collect()
+            titles
+                .into_iter()
+                .zip(groups)
+                .map(|(title, group)| (title.text, group.runs))
+                .collect()
         }
         Panels::Selections(selections) => {
             let panel = |selection: &Selection| {
@@ -223,24 +239,45 @@ impl Curve {
     fn new(y: Measure, figure: &Figure, runs: &[&Run]) -> Self {
         let all: Vec<Seed<'_>> = runs.iter().filter_map(|run| Seed::of(run)).collect();
         let seeds = drawn(&all);
-        let averaging =
-            Averaging { log: figure.log_y, band: figure.band, smooth: figure.smooth.map_or(0, |steps| steps.get()) };
-        let OverSeeds { points, raw, singles, gaps, left_out } = OverSeeds::new(&seeds, y, averaging);
+        let averaging = Averaging {
+            log: figure.log_y,
+            band: figure.band,
+            smooth: figure.smooth.map_or(0, |steps| steps.get()),
+        };
+        let OverSeeds {
+            points,
+            raw,
+            singles,
+            gaps,
+            left_out,
+        } = OverSeeds::new(&seeds, y, averaging);
         let paper = match (y, figure.reference) {
             (Measure::Return, Some(reference)) => {
-                PaperSide::of(runs, reference == Reference::Table5).value.map(|value| value.mean)
+                PaperSide::of(runs, reference == Reference::Table5)
+                    .value
+                    .map(|value| value.mean)
             }
             _ => None,
         };
         let tolerance = if is_bounded(y) {
-            let plain = Averaging { smooth: 0, band: Band::T, ..averaging };
+            let plain = Averaging {
+                smooth: 0,
+                band: Band::T,
+                ..averaging
+            };
             let all = OverSeeds::new(&seeds, Measure::Column(&progress::TOLERANCE), plain).points;
-            all.iter().map(|point| (point.env_steps, point.mean)).collect()
+            all.iter()
+                .map(|point| (point.env_steps, point.mean))
+                .collect()
         } else {
             Vec::new()
         };
         let under_way = seeds.iter().filter_map(|seed| seed.under_way).min();
-        let of = runs.iter().map(|run| run.spec.budget.env_steps.get()).max().unwrap_or(0);
+        let of = runs
+            .iter()
+            .map(|run| run.spec.budget.env_steps.get())
+            .max()
+            .unwrap_or(0);
         Self {
             points,
             raw,
@@ -257,7 +294,8 @@ impl Curve {
 
     /// The points between gaps, in order.
     pub fn stretches(&self) -> impl Iterator<Item = &[Point]> {
-        self.points.chunk_by(|left, right| !self.gap_between(left.env_steps, right.env_steps))
+        self.points
+            .chunk_by(|left, right| !self.gap_between(left.env_steps, right.env_steps))
     }
 
     /// Whether the curve is broken from `left` on before `right`.
@@ -275,10 +313,11 @@ impl Curve {
 
     /// `3 of 5 seeds, to 400k of 1M steps`, of a curve that lacks seeds or steps.
     pub fn lacking(&self) -> Option<String> {
-        let seeds = (self.seeds < self.planned).then(|| format!("{} of {} seeds", self.seeds, self.planned));
-        let steps = self
-            .under_way
-            .map(|UnderWay { steps, of }| format!("to {} of {} steps", amount::steps(steps), amount::steps(of)));
+        let seeds = (self.seeds < self.planned)
+            .then(|| format!("{} of {} seeds", self.seeds, self.planned));
+        let steps = self.under_way.map(|UnderWay { steps, of }| {
+            format!("to {} of {} steps", amount::steps(steps), amount::steps(of))
+        });
         let parts: Vec<String> = seeds.into_iter().chain(steps).collect();
         (!parts.is_empty()).then(|| parts.join(", "))
     }

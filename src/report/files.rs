@@ -8,7 +8,8 @@ use std::{
 
 use crate::record::{self, RecordError};
 
-/// A folder of files of which the names are kept, so that a later report can remove those that it has not.
+/// A folder of files of which the names are kept, so that a later report can remove those that it
+/// has not.
 pub struct Files {
     folder: PathBuf,
     /// The files, in order.
@@ -33,7 +34,10 @@ impl Files {
             path: folder.clone(),
             source,
         })?;
-        Ok(Self { folder, written: Vec::new() })
+        Ok(Self {
+            folder,
+            written: Vec::new(),
+        })
     }
 
     /// Writes `folder/name.extension`.
@@ -66,27 +70,42 @@ impl Files {
         self.write(name, "csv", csv)
     }
 
-    /// Removes what an earlier report left and this one has not written, and keeps the names of what it has.
+    /// Removes what an earlier report left and this one has not written, and keeps the names of
+    /// what it has.
     ///
     /// # Errors
     ///
     /// The disk refuses.
     pub fn close(&self) -> Result<(), RecordError> {
         let list = self.folder.join(Self::LIST);
-        let names: BTreeSet<String> =
-            self.written.iter().filter_map(|path| Some(path.file_name()?.to_str()?.to_owned())).collect();
-        // The list may come from anywhere: a name that leads elsewhere, or is no report's, is none of it.
+        let names: BTreeSet<String> = self
+            .written
+            .iter()
+            .filter_map(|path| Some(path.file_name()?.to_str()?.to_owned()))
+            .collect();
+        // The list may come from anywhere: a name that leads elsewhere, or is no report's, is none
+        // of it.
         let report = |name: &str| {
-            let extension = Path::new(name).extension().and_then(|extension| extension.to_str());
-            !name.contains(['/', '\\']) && extension.is_some_and(|extension| Self::EXTENSIONS.contains(&extension))
+            let extension = Path::new(name)
+                .extension()
+                .and_then(|extension| extension.to_str());
+            !name.contains(['/', '\\'])
+                && extension.is_some_and(|extension| Self::EXTENSIONS.contains(&extension))
         };
         let before = fs::read_to_string(&list).unwrap_or_default();
-        for name in before.lines().filter(|name| report(name) && !names.contains(*name)) {
+        for name in before
+            .lines()
+            .filter(|name| report(name) && !names.contains(*name))
+        {
             let path = self.folder.join(name);
             if let Err(source) = fs::remove_file(&path)
                 && source.kind() != std::io::ErrorKind::NotFound
             {
-                return Err(RecordError::Io { action: "remove", path, source });
+                return Err(RecordError::Io {
+                    action: "remove",
+                    path,
+                    source,
+                });
             }
         }
         let names: String = names.iter().map(|name| format!("{name}\n")).collect();

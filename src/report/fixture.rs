@@ -6,7 +6,9 @@ use crate::{
     measured::{Cell, EvaluationEpisode, Iteration, progress},
     plan::plan,
     quantity::constant,
-    record::{Build, Checkpoint, Demonstrated, Executable, Manifest, Outcome, RunPaths, Stamp, rows},
+    record::{
+        Build, Checkpoint, Demonstrated, Executable, Manifest, Outcome, RunPaths, Stamp, rows,
+    },
     spec::{self, Overrides},
 };
 
@@ -14,7 +16,10 @@ use super::recorded::{Evaluation, Recording, Run, State};
 
 /// A missing run of MCPO.
 pub fn mcpo(env: &str, d: f64, epsilon: f64, seed: u64) -> Run {
-    run("mcpo", &format!("env = [{env:?}]\nd = [{d:?}]\nepsilon = [{epsilon:?}]\nseed = [{seed}]"))
+    run(
+        "mcpo",
+        &format!("env = [{env:?}]\nd = [{d:?}]\nepsilon = [{epsilon:?}]\nseed = [{seed}]"),
+    )
 }
 
 /// A missing run of PPO.
@@ -34,7 +39,8 @@ pub fn run(algorithm: &str, axes: &str) -> Run {
         {axes}
         "#
     );
-    let spec = spec::parse(Path::new("made-up.toml"), &text, &Overrides::default()).expect("a valid file");
+    let spec =
+        spec::parse(Path::new("made-up.toml"), &text, &Overrides::default()).expect("a valid file");
     let spec = plan(&spec).expect("a plan").pop().expect("one run");
     Run::new(spec, State::Missing).budget(100) // less than a rollout, which no matrix may ask for
 }
@@ -56,18 +62,28 @@ impl Run {
 
     /// The same, failed.
     pub fn failed(mut self, error: &str) -> Self {
-        self.state = State::Failed { error: error.into() };
+        self.state = State::Failed {
+            error: error.into(),
+        };
         self
     }
 
-    /// The same, finished with these evaluations: environment steps and the returns of the episodes.
+    /// The same, finished with these evaluations: environment steps and the returns of the
+    /// episodes.
     pub fn finished(mut self, evaluations: &[(u64, &[f64])]) -> Self {
         let end = evaluations.iter().map(|(env_steps, _)| *env_steps).max();
         let episodes = evaluations.iter().flat_map(|&(env_steps, returns)| {
             let last = Some(env_steps) == end;
-            returns.iter().map(move |&dense_return| Evaluation { env_steps, last, dense_return })
+            returns.iter().map(move |&dense_return| Evaluation {
+                env_steps,
+                last,
+                dense_return,
+            })
         });
-        self.state = State::Finished(Recording { evaluations: episodes.collect(), ..Recording::default() });
+        self.state = State::Finished(Recording {
+            evaluations: episodes.collect(),
+            ..Recording::default()
+        });
         self
     }
 
@@ -75,8 +91,11 @@ impl Run {
     pub fn demonstrated(mut self, digest: Option<&str>, mean_return: Option<f64>) -> Self {
         if let State::Finished(recording) = &mut self.state {
             recording.demonstration = digest.map(str::to_owned);
-            recording.demonstrated =
-                mean_return.map(|mean| Demonstrated { episodes: 1, steps: 300, mean_return: Some(mean) });
+            recording.demonstrated = mean_return.map(|mean| Demonstrated {
+                episodes: 1,
+                steps: 300,
+                mean_return: Some(mean),
+            });
         }
         self
     }
@@ -87,23 +106,37 @@ impl Run {
             let steps = rows.iter().map(|row| Some(row.0 as f64)).collect();
             recording.progress.insert(&progress::ENV_STEPS, steps);
             let column = progress::find(column).expect("a column");
-            recording.progress.insert(column, rows.iter().map(|row| Some(row.1)).collect());
+            recording
+                .progress
+                .insert(column, rows.iter().map(|row| Some(row.1)).collect());
         }
         self
     }
 }
 
-/// Writes under the folder `results` what `run` has come to at its last checkpoint: the rows that it would have finished with.
+/// Writes under the folder `results` what `run` has come to at its last checkpoint: the rows that
+/// it would have finished with.
 pub fn record_under_way(run: &Run, results: &Path) {
     let paths = RunPaths::new(results, &run.spec.experiment, &run.spec.id).expect("a good id");
     paths.open().expect("made");
     let recording = run.recording().expect("it has rows");
-    let evaluations =
-        recording.evaluations.iter().zip(0..).map(|(evaluation, episode)| episode_row(evaluation, episode));
+    let evaluations = recording
+        .evaluations
+        .iter()
+        .zip(0..)
+        .map(|(evaluation, episode)| episode_row(evaluation, episode));
     let (iterations, evaluations) = (iteration_rows(recording), evaluations.collect());
-    let checkpoint = Checkpoint { iterations, evaluations, ..Checkpoint::default() };
-    Manifest::new(stamp(run)).write(&RunPaths::manifest(&paths.partial)).expect("written");
-    checkpoint.write(&RunPaths::checkpoint(&paths.partial), FINGERPRINT).expect("written");
+    let checkpoint = Checkpoint {
+        iterations,
+        evaluations,
+        ..Checkpoint::default()
+    };
+    Manifest::new(stamp(run))
+        .write(&RunPaths::manifest(&paths.partial))
+        .expect("written");
+    checkpoint
+        .write(&RunPaths::checkpoint(&paths.partial), FINGERPRINT)
+        .expect("written");
 }
 
 const FINGERPRINT: &str = "f";
@@ -145,7 +178,10 @@ pub fn record(run: &Run, results: &Path) {
     let mut manifest = Manifest::new(stamp.clone());
     manifest.outcome = match &run.state {
         State::Missing | State::Differs { .. } => Outcome::Begun,
-        State::Failed { error } => Outcome::Failed { error: error.clone(), log_tail: Vec::new() },
+        State::Failed { error } => Outcome::Failed {
+            error: error.clone(),
+            log_tail: Vec::new(),
+        },
         State::Finished(recording) => {
             let episodes: Vec<EvaluationEpisode> = recording
                 .evaluations
@@ -153,25 +189,55 @@ pub fn record(run: &Run, results: &Path) {
                 .zip(0..)
                 .map(|(evaluation, episode)| episode_row(evaluation, episode))
                 .collect();
-            rows::write_evaluations(&RunPaths::evaluations(&paths.complete), &keys, &stamp, &episodes)
-                .expect("written");
+            rows::write_evaluations(
+                &RunPaths::evaluations(&paths.complete),
+                &keys,
+                &stamp,
+                &episodes,
+            )
+            .expect("written");
             let iterations = iteration_rows(recording);
-            rows::write_progress(&RunPaths::progress(&paths.complete), &keys, &stamp, &iterations).expect("written");
+            rows::write_progress(
+                &RunPaths::progress(&paths.complete),
+                &keys,
+                &stamp,
+                &iterations,
+            )
+            .expect("written");
             Outcome::Finished
         }
     };
-    manifest.write(&RunPaths::manifest(&paths.complete)).expect("written");
+    manifest
+        .write(&RunPaths::manifest(&paths.complete))
+        .expect("written");
 }
 
 fn episode_row(evaluation: &Evaluation, episode: u64) -> EvaluationEpisode {
-    let Evaluation { env_steps, last, dense_return } = *evaluation;
-    EvaluationEpisode { env_steps, last, episode, dense_return, training_return: 0.0, length: 1 }
+    let Evaluation {
+        env_steps,
+        last,
+        dense_return,
+    } = *evaluation;
+    EvaluationEpisode {
+        env_steps,
+        last,
+        episode,
+        dense_return,
+        training_return: 0.0,
+        length: 1,
+    }
 }
 
 fn iteration_rows(recording: &Recording) -> Vec<Iteration> {
-    let height = recording.progress.get(&progress::ENV_STEPS).map_or(0, <[_]>::len);
+    let height = recording
+        .progress
+        .get(&progress::ENV_STEPS)
+        .map_or(0, <[_]>::len);
     let row = |row: usize| {
-        let mut iteration = Iteration { iteration: row as u64 + 1, ..Iteration::default() };
+        let mut iteration = Iteration {
+            iteration: row as u64 + 1,
+            ..Iteration::default()
+        };
         for column in progress::COLUMNS {
             let number = recording.progress.get(column).and_then(|cells| cells[row]);
             match (&column.cell, number) {

@@ -1,11 +1,13 @@
 //! Which look belongs to which series, in all figures of an experiment.
 //!
-//! Owns the place of every combination of algorithm and settings among the looks. Knows nothing of colours. Start at
+//! Owns the place of every combination of algorithm and settings among the looks. Knows nothing of
+//! colours. Start at
 //! [`Identities::new`].
 //!
-//! A look belongs to what a series is, not to where it stands in the file or in a figure. An algorithm's own look, the same in all
-//! experiments, is that of its default setting; its other settings take the looks that no algorithm of the experiment has, in
-//! ascending order of their values.
+//! A look belongs to what a series is, not to where it stands in the file or in a figure. An
+//! algorithm's own look, the same in all experiments, is that of its default setting; its other
+//! settings take the looks that no algorithm of the experiment has, in ascending order of their
+//! values.
 
 use std::{cmp::Ordering, collections::BTreeSet};
 
@@ -15,7 +17,8 @@ use crate::spec::{Algorithm, Key};
 /// After so many looks their colours return; `figure::look` makes the rest of them.
 const COLORS: usize = 12;
 
-/// What a run is beside its environment and seed: its algorithm, and the value of each key where that is not the default.
+/// What a run is beside its environment and seed: its algorithm, and the value of each key where
+/// that is not the default.
 type Identity = Vec<Option<toml::Value>>;
 
 /// What tells the runs of an experiment apart, and the look of each.
@@ -26,7 +29,8 @@ pub struct Identities {
 }
 
 impl Identities {
-    /// Those of an experiment with `runs`: all of the file's, so that a part of them looks as it does in the whole.
+    /// Those of an experiment with `runs`: all of the file's, so that a part of them looks as it
+    /// does in the whole.
     pub fn new(runs: &[&Run]) -> Self {
         let hidden = axis::hidden_axes(runs, &[Key::Env, Key::Algorithm]);
         let keys: Vec<Key> = [vec![Key::Algorithm], hidden].concat();
@@ -42,28 +46,47 @@ impl Identities {
         let mut free = (0..).filter(|look| !present.contains(look));
         let mut taken: Vec<usize> = Vec::new();
         let looks = identities.into_iter().map(|(identity, own)| {
-            let look = own.filter(|look| !taken.contains(look)).or_else(|| free.next()).unwrap_or_default();
+            let look = own
+                .filter(|look| !taken.contains(look))
+                .or_else(|| free.next())
+                .unwrap_or_default();
             taken.push(look);
             (identity, look)
         });
-        Self { looks: looks.collect(), keys }
+        Self {
+            looks: looks.collect(),
+            keys,
+        }
     }
 
-    /// The look of each series, by one of its runs. Of series that are the same but for their environment or seed, and of those
-    /// whose colours are the same in a figure that has colours for all, all but the first take what is left.
+    /// The look of each series, by one of its runs. Of series that are the same but for their
+    /// environment or seed, and of those whose colours are the same in a figure that has colours
+    /// for all, all but the first take what is left.
     pub fn looks<'a>(&self, series: impl Iterator<Item = &'a Run>) -> Vec<usize> {
         let wanted: Vec<Option<usize>> = series.map(|run| self.of(run)).collect();
-        let as_one = |look: usize| if wanted.len() <= COLORS { look % COLORS } else { look };
-        let of_somebody: BTreeSet<usize> = wanted.iter().flatten().map(|&look| as_one(look)).collect();
+        let as_one = |look: usize| {
+            if wanted.len() <= COLORS {
+                look % COLORS
+            } else {
+                look
+            }
+        };
+        let of_somebody: BTreeSet<usize> =
+            wanted.iter().flatten().map(|&look| as_one(look)).collect();
         let mut left = (0..).filter(|&look| !of_somebody.contains(&as_one(look)));
         let mut given: BTreeSet<usize> = BTreeSet::new();
-        let own = wanted.iter().map(|look| look.filter(|&look| given.insert(as_one(look))));
+        let own = wanted
+            .iter()
+            .map(|look| look.filter(|&look| given.insert(as_one(look))));
         own.filter_map(|own| own.or_else(|| left.next())).collect()
     }
 
     fn of(&self, run: &Run) -> Option<usize> {
         let wanted = identity(&self.keys, run);
-        self.looks.iter().find(|(known, _)| *known == wanted).map(|(_, look)| *look)
+        self.looks
+            .iter()
+            .find(|(known, _)| *known == wanted)
+            .map(|(_, look)| *look)
     }
 }
 
@@ -73,20 +96,35 @@ fn own_look(run: &Run) -> Option<usize> {
 }
 
 fn identity(keys: &[Key], run: &Run) -> Identity {
-    keys.iter().map(|key| run.value(key).filter(|_| *key == Key::Algorithm || run.departs_in(key))).collect()
+    keys.iter()
+        .map(|key| {
+            run.value(key)
+                .filter(|_| *key == Key::Algorithm || run.departs_in(key))
+        })
+        .collect()
 }
 
-/// Numbers by their size, all else by how it is written; what is absent first, so that a default is.
+/// Numbers by their size, all else by how it is written; what is absent first, so that a default
+/// is.
 fn ascending(left: &[Option<toml::Value>], right: &[Option<toml::Value>]) -> Ordering {
-    let number = |value: &toml::Value| value.as_float().or_else(|| value.as_integer().map(|whole| whole as f64));
-    let compare = |(left, right): (&Option<toml::Value>, &Option<toml::Value>)| match (left, right) {
+    let number = |value: &toml::Value| {
+        value
+            .as_float()
+            .or_else(|| value.as_integer().map(|whole| whole as f64))
+    };
+    let compare = |(left, right): (&Option<toml::Value>, &Option<toml::Value>)| match (left, right)
+    {
         (Some(left), Some(right)) => match (number(left), number(right)) {
             (Some(left), Some(right)) => left.total_cmp(&right),
             _ => left.to_string().cmp(&right.to_string()),
         },
         _ => left.is_some().cmp(&right.is_some()),
     };
-    left.iter().zip(right).map(compare).find(|order| order.is_ne()).unwrap_or(Ordering::Equal)
+    left.iter()
+        .zip(right)
+        .map(compare)
+        .find(|order| order.is_ne())
+        .unwrap_or(Ordering::Equal)
 }
 
 #[cfg(test)]
@@ -100,7 +138,10 @@ mod tests {
 
     #[test]
     fn a_look_belongs_to_an_algorithm_wherever_it_stands() {
-        let (mcpo, ppo) = (fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 0), fixture::ppo("Hopper-v2", 0));
+        let (mcpo, ppo) = (
+            fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 0),
+            fixture::ppo("Hopper-v2", 0),
+        );
         assert_eq!(looks(&[mcpo.clone(), ppo.clone()], &[&mcpo, &ppo]), [0, 1]);
         assert_eq!(looks(&[ppo.clone(), mcpo.clone()], &[&ppo, &mcpo]), [1, 0]);
         assert_eq!(looks(std::slice::from_ref(&ppo), &[&ppo]), [1], "alone too");
@@ -109,13 +150,26 @@ mod tests {
     #[test]
     fn a_look_belongs_to_a_setting_wherever_it_stands() {
         let run = |d, epsilon| fixture::mcpo("HalfCheetah-v2", d, epsilon, 0);
-        let runs = [run(1.0, 0.0), run(1e-3, 0.0), run(1e-3, 1e-3), run(1e-6, 0.0)];
+        let runs = [
+            run(1.0, 0.0),
+            run(1e-3, 0.0),
+            run(1e-3, 1e-3),
+            run(1e-6, 0.0),
+        ];
         let all: Vec<&Run> = runs.iter().collect();
-        assert_eq!(looks(&runs, &all), [3, 1, 0, 2], "the default has MCPO's own, the others follow their values");
+        assert_eq!(
+            looks(&runs, &all),
+            [3, 1, 0, 2],
+            "the default has MCPO's own, the others follow their values"
+        );
         let mut reversed = runs.clone();
         reversed.reverse();
         assert_eq!(looks(&reversed, &all), [3, 1, 0, 2]);
-        assert_eq!(looks(&runs, &all[1..2]), [1], "in a figure of one curve too");
+        assert_eq!(
+            looks(&runs, &all[1..2]),
+            [1],
+            "in a figure of one curve too"
+        );
         // Table 2 has other values for each environment: they are one setting, the default.
         let walker = fixture::mcpo("Walker2d-v2", 1e-2, 1e-3, 0);
         let with_walker = [&runs[..], std::slice::from_ref(&walker)].concat();
@@ -124,10 +178,24 @@ mod tests {
 
     #[test]
     fn colours_return_only_where_a_figure_has_more_series_than_colours() {
-        let runs: Vec<Run> = (1..=14).map(|d| fixture::mcpo("HalfCheetah-v2", f64::from(d), 0.0, 0)).collect();
-        let of = |places: &[usize]| looks(&runs, &places.iter().map(|&place| &runs[place]).collect::<Vec<_>>());
-        assert_eq!(of(&[0, 12, 1]), [0, 2, 1], "the thirteenth has the first one's colour");
-        assert_eq!(of(&(0..14).collect::<Vec<_>>()), (0..14).collect::<Vec<_>>());
+        let runs: Vec<Run> = (1..=14)
+            .map(|d| fixture::mcpo("HalfCheetah-v2", f64::from(d), 0.0, 0))
+            .collect();
+        let of = |places: &[usize]| {
+            looks(
+                &runs,
+                &places.iter().map(|&place| &runs[place]).collect::<Vec<_>>(),
+            )
+        };
+        assert_eq!(
+            of(&[0, 12, 1]),
+            [0, 2, 1],
+            "the thirteenth has the first one's colour"
+        );
+        assert_eq!(
+            of(&(0..14).collect::<Vec<_>>()),
+            (0..14).collect::<Vec<_>>()
+        );
     }
 
     #[test]

@@ -1,8 +1,9 @@
 //! The report: from recorded files to learning curves and tables.
 //!
-//! Owns the statistics shown, the comparison with the paper, and the drawing. Reads recorded files only, so it can run years
-//! later on another machine; knows nothing of training. Start at [`write()`]; [`CurveData`] and [`TableData`] are the numbers,
-//! which the modules `figure` and `text` only show.
+//! Owns the statistics shown, the comparison with the paper, and the drawing. Reads recorded files
+//! only, so it can run years later on another machine; knows nothing of training. Start at
+//! [`write()`]; [`CurveData`] and [`TableData`] are the numbers, which the modules `figure` and
+//! `text` only show.
 
 mod amount;
 mod axis;

@@ -25,7 +25,10 @@ const VERDICTS: &str = "Difference: ours less the paper's in the expected best o
 
 /// The notes of a table over `runs`, whose rows are `rows`.
 pub fn of_table(runs: &[&Run], rows: &[Row]) -> Vec<String> {
-    let cells: Vec<&Cell> = rows.iter().flat_map(|row| row.cells.iter().flatten()).collect();
+    let cells: Vec<&Cell> = rows
+        .iter()
+        .flat_map(|row| row.cells.iter().flatten())
+        .collect();
     let mut notes = vec![finished(runs.iter().copied(), runs.len())];
     notes.push(
         "Ours: mean ± half-width of the 95 % Student t interval over seeds, of the dense return of the final evaluation \
@@ -41,7 +44,11 @@ pub fn of_table(runs: &[&Run], rows: &[Row]) -> Vec<String> {
     if cells.iter().any(|cell| cell.comparison.is_some()) {
         notes.push(VERDICTS.to_owned());
     }
-    let departures: BTreeSet<&str> = cells.iter().flat_map(|cell| &cell.departures).map(String::as_str).collect();
+    let departures: BTreeSet<&str> = cells
+        .iter()
+        .flat_map(|cell| &cell.departures)
+        .map(String::as_str)
+        .collect();
     if !departures.is_empty() {
         let list = departures.into_iter().collect::<Vec<_>>().join(", ");
         notes.push(format!(
@@ -51,9 +58,14 @@ pub fn of_table(runs: &[&Run], rows: &[Row]) -> Vec<String> {
     }
     let in_a_column = |row: &Row| row.cells.len() > 1 && row.demo.or(row.paper_demo).is_some();
     if rows.iter().any(in_a_column) {
-        notes.push("Demo: dense return of the demonstration, the mean over its episodes.".to_owned());
+        notes.push(
+            "Demo: dense return of the demonstration, the mean over its episodes.".to_owned(),
+        );
     } else {
-        notes.extend(demonstrations(runs, cells.iter().any(|cell| cell.paper.is_some())));
+        notes.extend(demonstrations(
+            runs,
+            cells.iter().any(|cell| cell.paper.is_some()),
+        ));
     }
     let budget = span(runs, |run| run.spec.budget.env_steps.get(), steps);
     notes.push(if runs.iter().any(|run| run.spec.trains_noticeably_longer()) {
@@ -72,8 +84,14 @@ pub fn of_table(runs: &[&Run], rows: &[Row]) -> Vec<String> {
              ones stand beside them without a verdict."
         ));
     }
-    let episodes = span(runs, |run| run.spec.evaluation.final_episodes.get(), |episodes| episodes.to_string());
-    notes.push(format!("Final evaluation: {episodes} episodes with the mean action."));
+    let episodes = span(
+        runs,
+        |run| run.spec.evaluation.final_episodes.get(),
+        |episodes| episodes.to_string(),
+    );
+    notes.push(format!(
+        "Final evaluation: {episodes} episodes with the mean action."
+    ));
     notes.extend(few_seeds(cells.iter().map(|cell| cell.seeds)));
     notes.extend(readings(runs));
     notes.extend(failures(runs));
@@ -97,11 +115,17 @@ pub fn of_claims(rows: &[ClaimRow]) -> Vec<String> {
                 .to_owned(),
         );
     }
-    notes.extend(few_seeds(rows.iter().flat_map(|row| [Some(row.seeds), row.than]).flatten().map(|count| count.found)));
+    notes.extend(few_seeds(
+        rows.iter()
+            .flat_map(|row| [Some(row.seeds), row.than])
+            .flatten()
+            .map(|count| count.found),
+    ));
     notes
 }
 
-/// `2 of 4 runs finished.`, and of how many what is recorded was made by another specification, with the keys that differ.
+/// `2 of 4 runs finished.`, and of how many what is recorded was made by another specification,
+/// with the keys that differ.
 pub fn finished<'a>(runs: impl Iterator<Item = &'a Run>, planned: usize) -> String {
     let (mut finished, mut differing) = (0, 0);
     let mut keys: Vec<String> = Vec::new();
@@ -110,7 +134,11 @@ pub fn finished<'a>(runs: impl Iterator<Item = &'a Run>, planned: usize) -> Stri
             State::Finished(_) => finished += 1,
             State::Differs { changes } => {
                 differing += 1;
-                keys.extend(changes.iter().map(|change| format!("`{}`", comparable::key(change))));
+                keys.extend(
+                    changes
+                        .iter()
+                        .map(|change| format!("`{}`", comparable::key(change))),
+                );
             }
             State::Missing | State::Failed { .. } => {}
         }
@@ -122,14 +150,21 @@ pub fn finished<'a>(runs: impl Iterator<Item = &'a Run>, planned: usize) -> Stri
         1 => format!("; 1 was recorded with another {}", listed(&keys)),
         _ => format!("; {differing} were recorded with another {}", listed(&keys)),
     };
-    format!("{finished} of {} finished{left_out}.", count(planned, "run"))
+    format!(
+        "{finished} of {} finished{left_out}.",
+        count(planned, "run")
+    )
 }
 
 /// The first few of a list, and how many more there are.
 pub fn listed(list: &[String]) -> String {
     const SHOWN: usize = 6;
     let shown = list[..list.len().min(SHOWN)].join(", ");
-    if list.len() > SHOWN { format!("{shown} and {} more", list.len() - SHOWN) } else { shown }
+    if list.len() > SHOWN {
+        format!("{shown} and {} more", list.len() - SHOWN)
+    } else {
+        shown
+    }
 }
 
 /// What the best of `seeds` is beside the paper's, which is the best of five.
@@ -138,12 +173,15 @@ fn best_seed(seeds: impl Iterator<Item = usize>) -> String {
     match (seeds.first(), seeds.last()) {
         (Some(5), Some(5)) | (None, _) => "best seed is ours in the same way".to_owned(),
         (Some(1), Some(1)) => "best seed is ours of one seed alone".to_owned(),
-        (Some(fewest), Some(most)) if fewest < most => format!("best seed is ours of {fewest} to {most} seeds"),
+        (Some(fewest), Some(most)) if fewest < most => {
+            format!("best seed is ours of {fewest} to {most} seeds")
+        }
         (Some(seeds), _) => format!("best seed is ours of {seeds} seeds"),
     }
 }
 
-/// What to think of intervals where the cell with the fewest finished `seeds` has few; one without any has no interval.
+/// What to think of intervals where the cell with the fewest finished `seeds` has few; one without
+/// any has no interval.
 fn few_seeds(seeds: impl Iterator<Item = usize>) -> Option<String> {
     let fewest = seeds.filter(|seeds| *seeds > 0).min()?;
     (fewest < ENOUGH_SEEDS).then(|| {
@@ -153,16 +191,22 @@ fn few_seeds(seeds: impl Iterator<Item = usize>) -> Option<String> {
     })
 }
 
-/// What the demonstrations of a table without a column for them returned; beside it the paper's, where it `compares`.
+/// What the demonstrations of a table without a column for them returned; beside it the paper's,
+/// where it `compares`.
 fn demonstrations(runs: &[&Run], compares: bool) -> Option<String> {
     let told = |group: &axis::Group<'_>| {
         let env = group.runs[0].spec.env.name();
         let ours = demonstrated_return(&group.runs)?;
         let paper = reference::returns(env).filter(|_| compares);
-        let paper = paper.map_or(String::new(), |paper| format!(" (the paper's {:.2})", paper.demo));
+        let paper = paper.map_or(String::new(), |paper| {
+            format!(" (the paper's {:.2})", paper.demo)
+        });
         Some(format!("{env} {ours:.2}{paper}"))
     };
-    let list: Vec<String> = axis::group(runs, &[Key::Env]).iter().filter_map(told).collect();
+    let list: Vec<String> = axis::group(runs, &[Key::Env])
+        .iter()
+        .filter_map(told)
+        .collect();
     (!list.is_empty()).then(|| format!("Dense return of the demonstration: {}.", list.join(", ")))
 }
 
@@ -173,12 +217,20 @@ fn readings(runs: &[&Run]) -> Option<String> {
     for run in runs {
         if let Some(samples) = key.as_ref().and_then(|key| run.value(key)) {
             let name = axis::display_name(run.spec.algorithm_name()).to_owned();
-            readings.entry(name).or_default().insert(axis::Notation::Digits.label(&samples));
+            readings
+                .entry(name)
+                .or_default()
+                .insert(axis::Notation::Digits.label(&samples));
         }
     }
     let list: Vec<String> = readings
         .into_iter()
-        .map(|(name, samples)| format!("{name} {}", samples.into_iter().collect::<Vec<_>>().join(" and ")))
+        .map(|(name, samples)| {
+            format!(
+                "{name} {}",
+                samples.into_iter().collect::<Vec<_>>().join(" and ")
+            )
+        })
         .collect();
     (!list.is_empty()).then(|| format!("Samples of the MMD: {}.", list.join(", ")))
 }
@@ -215,22 +267,43 @@ mod tests {
         ];
         let notes = of_table(&runs.iter().collect::<Vec<_>>(), &[]).join("\n");
         assert!(notes.contains("1 of 2 runs finished."), "{notes}");
-        assert!(notes.contains("Budget: 100 environment steps; trained for 1.02k to 4.1k"), "{notes}");
-        assert!(notes.contains("Samples of the MMD: MCPO demo_states."), "{notes}");
-        assert!(notes.contains(&format!("Failed: {}: out of memory", runs[0].spec.id)), "{notes}");
+        assert!(
+            notes.contains("Budget: 100 environment steps; trained for 1.02k to 4.1k"),
+            "{notes}"
+        );
+        assert!(
+            notes.contains("Samples of the MMD: MCPO demo_states."),
+            "{notes}"
+        );
+        assert!(
+            notes.contains(&format!("Failed: {}: out of memory", runs[0].spec.id)),
+            "{notes}"
+        );
     }
 
     #[test]
     fn intervals_of_few_seeds_are_warned_of_though_other_cells_have_many() {
         assert_eq!(few_seeds([10, 15].into_iter()), None);
-        assert_eq!(few_seeds([0, 0].into_iter()), None, "there are no intervals");
-        assert!(few_seeds([0, 3].into_iter()).is_some_and(|note| note.starts_with("Fewer than 10 seeds (3)")));
-        assert!(few_seeds([15, 5].into_iter()).is_some_and(|note| note.starts_with("Fewer than 10 seeds (5)")));
+        assert_eq!(
+            few_seeds([0, 0].into_iter()),
+            None,
+            "there are no intervals"
+        );
+        assert!(
+            few_seeds([0, 3].into_iter())
+                .is_some_and(|note| note.starts_with("Fewer than 10 seeds (3)"))
+        );
+        assert!(
+            few_seeds([15, 5].into_iter())
+                .is_some_and(|note| note.starts_with("Fewer than 10 seeds (5)"))
+        );
     }
 
     #[test]
     fn finished_seeds_are_counted_not_planned_ones() {
-        let runs: Vec<Run> = (0..12).map(|seed| fixture::ppo("Hopper-v2", seed)).collect();
+        let runs: Vec<Run> = (0..12)
+            .map(|seed| fixture::ppo("Hopper-v2", seed))
+            .collect();
         let few = |finished: usize| {
             let ended = |(index, run): (usize, &Run)| match index < finished {
                 true => run.clone().finished(&[(100, &[1.0])]),
@@ -245,9 +318,14 @@ mod tests {
                 only: None,
                 reference: Some("table3".into()),
             };
-            crate::report::TableData::of_report(&[(&table, runs.iter().collect())])[0].notes.join("\n")
+            crate::report::TableData::of_report(&[(&table, runs.iter().collect())])[0]
+                .notes
+                .join("\n")
         };
-        assert!(few(3).contains("Fewer than 10 seeds (3)") && few(3).contains("best seed is ours of 3 seeds."));
+        assert!(
+            few(3).contains("Fewer than 10 seeds (3)")
+                && few(3).contains("best seed is ours of 3 seeds.")
+        );
         assert!(few(5).contains("best seed is ours in the same way."));
         assert!(!few(10).contains("Fewer than"), "{}", few(10));
     }
@@ -256,7 +334,10 @@ mod tests {
     fn what_was_recorded_otherwise_is_counted_with_its_key() {
         let differs = |changes: &[&str]| {
             let changes = changes.iter().map(|change| (*change).to_owned()).collect();
-            Run::new(fixture::ppo("Hopper-v2", 0).spec, State::Differs { changes })
+            Run::new(
+                fixture::ppo("Hopper-v2", 0).spec,
+                State::Differs { changes },
+            )
         };
         let runs = [
             fixture::ppo("Hopper-v2", 0).finished(&[(100, &[1.0])]),
@@ -264,7 +345,10 @@ mod tests {
             differs(&["ppo.clip: 0.2 -> 0.9"]),
             fixture::ppo("Hopper-v2", 1),
         ];
-        assert_eq!(finished(runs.iter(), 4), "1 of 4 runs finished; 2 were recorded with another `ppo.clip`.");
+        assert_eq!(
+            finished(runs.iter(), 4),
+            "1 of 4 runs finished; 2 were recorded with another `ppo.clip`."
+        );
         let both = differs(&["ppo.clip: 0.2 -> 0.9", "reward: 1 -> 2"]);
         assert_eq!(
             finished([both].iter(), 1),
@@ -276,23 +360,47 @@ mod tests {
     fn demonstrations_without_a_column_are_named() {
         let run = fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 0).finished(&[(100, &[1.0])]);
         assert_eq!(demonstrations(&[&run], true), None, "it is not recorded");
-        let (run, other) = (run.demonstrated(Some("a"), Some(974.5)), fixture::ppo("Ant-v2", 0));
+        let (run, other) = (
+            run.demonstrated(Some("a"), Some(974.5)),
+            fixture::ppo("Ant-v2", 0),
+        );
         let told = |compares| demonstrations(&[&run, &other], compares).expect("one is known");
-        assert_eq!(told(false), "Dense return of the demonstration: Hopper-v2 974.50.");
-        assert_eq!(told(true), "Dense return of the demonstration: Hopper-v2 974.50 (the paper's 969.71).");
+        assert_eq!(
+            told(false),
+            "Dense return of the demonstration: Hopper-v2 974.50."
+        );
+        assert_eq!(
+            told(true),
+            "Dense return of the demonstration: Hopper-v2 974.50 (the paper's 969.71)."
+        );
         // A table of one column is a list, which has no such column.
         let notes = |columns| {
-            let row =
-                Row { labels: vec![], values: vec![], demo: Some(974.5), paper_demo: None, cells: vec![None; columns] };
+            let row = Row {
+                labels: vec![],
+                values: vec![],
+                demo: Some(974.5),
+                paper_demo: None,
+                cells: vec![None; columns],
+            };
             of_table(&[&run], &[row]).join("\n")
         };
-        assert!(notes(1).contains("Hopper-v2 974.50") && !notes(1).contains("Demo: "), "{}", notes(1));
-        assert!(notes(2).contains("Demo: ") && !notes(2).contains("974"), "{}", notes(2));
+        assert!(
+            notes(1).contains("Hopper-v2 974.50") && !notes(1).contains("Demo: "),
+            "{}",
+            notes(1)
+        );
+        assert!(
+            notes(2).contains("Demo: ") && !notes(2).contains("974"),
+            "{}",
+            notes(2)
+        );
     }
 
     #[test]
     fn steps_are_short() {
-        let text: Vec<_> = [7, 999, 20_000, 8_192, 300_000, 3_000_000, 1_500_000].map(steps).into();
+        let text: Vec<_> = [7, 999, 20_000, 8_192, 300_000, 3_000_000, 1_500_000]
+            .map(steps)
+            .into();
         assert_eq!(text, ["7", "999", "20k", "8.19k", "300k", "3M", "1.5M"]);
     }
 }

@@ -1,15 +1,17 @@
 //! One curve from the values of its seeds.
 //!
-//! Owns which seeds are drawn, the mean and band over them at each point, and the smoothing. Knows nothing of matrices or pixels.
-//! Start at [`OverSeeds::new`].
+//! Owns which seeds are drawn, the mean and band over them at each point, and the smoothing. Knows
+//! nothing of matrices or pixels. Start at [`OverSeeds::new`].
 //!
-//! A seed's value at a point is the mean over that evaluation's episodes, or over the iterations of a bin of `progress`.
-//! Seeds are the samples of a band, never episodes. A point exists only where every seed of its curve has a value, so that a
-//! curve never jumps because a seed is missing; what was left out for that is counted. Where a value cannot be drawn (it is no
-//! finite number, or not above 0 on a logarithmic axis) the curve has a gap.
+//! A seed's value at a point is the mean over that evaluation's episodes, or over the iterations of
+//! a bin of `progress`. Seeds are the samples of a band, never episodes. A point exists only where
+//! every seed of its curve has a value, so that a curve never jumps because a seed is missing; what
+//! was left out for that is counted. Where a value cannot be drawn (it is no finite number, or not
+//! above 0 on a logarithmic axis) the curve has a gap.
 //!
-//! Of runs under way, as many seeds are drawn as make seeds times steps the largest, by how far they have come; how they fare
-//! does not count. The curve ends where the last of those that are drawn is.
+//! Of runs under way, as many seeds are drawn as make seeds times steps the largest, by how far
+//! they have come; how they fare does not count. The curve ends where the last of those that are
+//! drawn is.
 
 use std::collections::BTreeMap;
 
@@ -27,7 +29,8 @@ use crate::{
 /// A column of `progress.parquet` is averaged in this many bins when it has more iterations.
 const BINS: usize = 240;
 
-/// Seeds below which a t interval is their range: that of two is 12.7 standard errors wide, and hides the figure.
+/// Seeds below which a t interval is their range: that of two is 12.7 standard errors wide, and
+/// hides the figure.
 pub const SEEDS_FOR_T: usize = 3;
 
 /// Resamples behind a bootstrap band: its ends move by less than a line is broad.
@@ -49,30 +52,58 @@ impl<'a> Seed<'a> {
     pub fn of(run: &'a Run) -> Option<Self> {
         let (number, whole) = (run.spec.seed.0, run.spec.budget.env_steps.get());
         match (&run.state, &run.under_way) {
-            (State::Finished(recording), _) => Some(Self { number, recording, reach: whole, under_way: None }),
+            (State::Finished(recording), _) => Some(Self {
+                number,
+                recording,
+                reach: whole,
+                under_way: None,
+            }),
             (State::Missing, Some(so_far)) if so_far.env_steps > 0 => {
                 let steps = so_far.env_steps.min(whole);
-                Some(Self { number, recording: &so_far.recording, reach: steps, under_way: Some(steps) })
+                Some(Self {
+                    number,
+                    recording: &so_far.recording,
+                    reach: steps,
+                    under_way: Some(steps),
+                })
             }
             (State::Missing | State::Failed { .. } | State::Differs { .. }, _) => None,
         }
     }
 
-    /// The last environment steps at which a run that has not ended can have a value of `y`: for returns, its last evaluation.
+    /// The last environment steps at which a run that has not ended can have a value of `y`: for
+    /// returns, its last evaluation.
     fn end(&self, y: Measure) -> Option<u64> {
-        let evaluated = || self.recording.evaluations.iter().map(|episode| episode.env_steps).max().unwrap_or(0);
-        self.under_way.map(|steps| if y == Measure::Return { steps.min(evaluated()) } else { steps })
+        let evaluated = || {
+            self.recording
+                .evaluations
+                .iter()
+                .map(|episode| episode.env_steps)
+                .max()
+                .unwrap_or(0)
+        };
+        self.under_way.map(|steps| {
+            if y == Measure::Return {
+                steps.min(evaluated())
+            } else {
+                steps
+            }
+        })
     }
 }
 
-/// The seeds of `all` that are drawn, in their order: as many as make seeds times steps the largest, and of equals the more.
+/// The seeds of `all` that are drawn, in their order: as many as make seeds times steps the
+/// largest, and of equals the more.
 pub fn drawn<'a>(all: &[Seed<'a>]) -> Vec<Seed<'a>> {
     let mut reaches: Vec<u64> = all.iter().map(|seed| seed.reach).collect();
     reaches.sort_unstable_by(|left, right| right.cmp(left));
     let area = |(index, reach): (usize, &u64)| (index as u64 + 1).saturating_mul(*reach);
     let best = reaches.iter().enumerate().max_by_key(|&seed| area(seed)); // the last of equals
     let least = best.map_or(0, |(_, reach)| *reach);
-    all.iter().filter(|seed| seed.reach >= least).copied().collect()
+    all.iter()
+        .filter(|seed| seed.reach >= least)
+        .copied()
+        .collect()
 }
 
 /// How seeds become a curve.
@@ -118,32 +149,55 @@ pub struct OverSeeds {
 impl OverSeeds {
     /// The curve of `y` of `seeds`, as far as all of them have come.
     pub fn new(seeds: &[Seed<'_>], y: Measure, averaging: Averaging) -> Self {
-        let end = seeds.iter().filter_map(|seed| seed.end(y)).min().unwrap_or(u64::MAX);
+        let end = seeds
+            .iter()
+            .filter_map(|seed| seed.end(y))
+            .min()
+            .unwrap_or(u64::MAX);
         let bins = Bins::of(seeds.iter().map(|seed| seed.recording), y);
-        let raw: Vec<Vec<(u64, f64)>> = seeds.iter().map(|seed| values(seed.recording, y, bins, end)).collect();
-        // By environment steps: each seed's value as it is, and smoothed on the scale that statistics are of.
+        let raw: Vec<Vec<(u64, f64)>> = seeds
+            .iter()
+            .map(|seed| values(seed.recording, y, bins, end))
+            .collect();
+        // By environment steps: each seed's value as it is, and smoothed on the scale that
+        // statistics are of.
         let mut points: BTreeMap<u64, Vec<(f64, f64)>> = BTreeMap::new();
         for seed in &raw {
             for (&(env_steps, value), smooth) in seed.iter().zip(smoothed(seed, averaging)) {
                 points.entry(env_steps).or_default().push((value, smooth));
             }
         }
-        let single = |seed: &Seed<'_>| Single { seed: seed.number, points: Vec::new() };
-        let mut all = Self { singles: seeds.iter().map(single).collect(), ..Self::default() };
+        let single = |seed: &Seed<'_>| Single {
+            seed: seed.number,
+            points: Vec::new(),
+        };
+        let mut all = Self {
+            singles: seeds.iter().map(single).collect(),
+            ..Self::default()
+        };
         for (env_steps, samples) in points {
             all.point(env_steps, &samples, seeds.len(), averaging);
         }
         all
     }
 
-    fn point(&mut self, env_steps: u64, samples: &[(f64, f64)], seeds: usize, averaging: Averaging) {
+    fn point(
+        &mut self,
+        env_steps: u64,
+        samples: &[(f64, f64)],
+        seeds: usize,
+        averaging: Averaging,
+    ) {
         let x = env_steps as f64;
         if averaging.log && samples.iter().any(|&(value, _)| value <= 0.0) {
             self.left_out.not_positive += 1;
             self.gaps.push(x);
             return;
         }
-        let raw: Vec<f64> = samples.iter().map(|&(value, _)| averaging.there(value)).collect();
+        let raw: Vec<f64> = samples
+            .iter()
+            .map(|&(value, _)| averaging.there(value))
+            .collect();
         let smooth: Vec<f64> = samples.iter().map(|&(_, smooth)| smooth).collect();
         // The sums too: finite numbers can have an infinite one.
         if !raw.iter().sum::<f64>().is_finite() {
@@ -155,7 +209,11 @@ impl OverSeeds {
             let mean_of_seeds = mean(&smooth);
             let ends = band(&smooth, mean_of_seeds, averaging.band, env_steps);
             let band = ends.map(|(low, high)| (averaging.back(low), averaging.back(high)));
-            self.points.push(Point { env_steps: x, mean: averaging.back(mean_of_seeds), band });
+            self.points.push(Point {
+                env_steps: x,
+                mean: averaging.back(mean_of_seeds),
+                band,
+            });
             if averaging.smooth > 0 {
                 self.raw.push((x, averaging.back(mean(&raw))));
             }
@@ -166,15 +224,20 @@ impl OverSeeds {
     }
 }
 
-/// The ends of the band of `samples`, one a seed, around their mean, the `center`; `None` for one seed, and where no band is asked for.
+/// The ends of the band of `samples`, one a seed, around their mean, the `center`; `None` for one
+/// seed, and where no band is asked for.
 fn band(samples: &[f64], center: f64, band: Band, env_steps: u64) -> Option<(f64, f64)> {
     if samples.len() < 2 {
         return None;
     }
     match band {
-        Band::T if samples.len() < SEEDS_FOR_T => {
-            Some(samples.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &x| (a.min(x), b.max(x))))
-        }
+        Band::T if samples.len() < SEEDS_FOR_T => Some(
+            samples
+                .iter()
+                .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &x| {
+                    (a.min(x), b.max(x))
+                }),
+        ),
         Band::T => t_interval(samples, CONFIDENCE).map(|interval| (interval.low, interval.high)),
         Band::Std => {
             let squares: f64 = samples.iter().map(|x| (x - center).powi(2)).sum();
@@ -182,11 +245,17 @@ fn band(samples: &[f64], center: f64, band: Band, env_steps: u64) -> Option<(f64
             Some((center - std, center + std))
         }
         Band::Bootstrap => {
-            let bootstrap = Bootstrap { resamples: RESAMPLES, confidence: CONFIDENCE };
+            let bootstrap = Bootstrap {
+                resamples: RESAMPLES,
+                confidence: CONFIDENCE,
+            };
             // The same numbers at the same point, whatever else is drawn.
             let mut rng = RngSeed(env_steps).stream(Stream::Bootstrap, 0);
             let of_resample = |strata: &[Vec<f64>]| vec![mean(&strata[0])];
-            bootstrap.estimate(&[samples], &mut rng, of_resample)?.first().map(|estimate| (estimate.low, estimate.high))
+            bootstrap
+                .estimate(&[samples], &mut rng, of_resample)?
+                .first()
+                .map(|estimate| (estimate.low, estimate.high))
         }
         Band::Seeds => None,
     }
@@ -203,9 +272,17 @@ impl Bins {
     fn of<'a>(recordings: impl Iterator<Item = &'a Recording>, y: Measure) -> Self {
         let columns = recordings.filter(|_| y != Measure::Return);
         let columns = columns.filter_map(|recording| recording.progress.get(&progress::ENV_STEPS));
-        let longest = columns.max_by_key(|steps| steps.len()).filter(|steps| steps.len() > BINS);
-        let end = longest.into_iter().flatten().flatten().fold(0.0, |end: f64, &steps| end.max(steps));
-        Self { width: (end / BINS as f64).ceil() as u64 }
+        let longest = columns
+            .max_by_key(|steps| steps.len())
+            .filter(|steps| steps.len() > BINS);
+        let end = longest
+            .into_iter()
+            .flatten()
+            .flatten()
+            .fold(0.0, |end: f64, &steps| end.max(steps));
+        Self {
+            width: (end / BINS as f64).ceil() as u64,
+        }
     }
 }
 
@@ -219,7 +296,12 @@ pub fn columns_of(y: Measure) -> Vec<&'static Column<Iteration>> {
 
 /// One seed's values of `y` over environment steps.
 pub fn seed_values(recording: &Recording, y: Measure) -> Vec<(u64, f64)> {
-    values(recording, y, Bins::of(std::iter::once(recording), y), u64::MAX)
+    values(
+        recording,
+        y,
+        Bins::of(std::iter::once(recording), y),
+        u64::MAX,
+    )
 }
 
 /// The same without averaging: every iteration, or every evaluation's mean.
@@ -231,40 +313,64 @@ pub fn values_of(recording: &Recording, y: Measure) -> Vec<(u64, f64)> {
 fn values(recording: &Recording, y: Measure, bins: Bins, end: u64) -> Vec<(u64, f64)> {
     let Measure::Column(column) = y else {
         let mut evaluations: BTreeMap<u64, Vec<f64>> = BTreeMap::new();
-        for episode in recording.evaluations.iter().filter(|episode| episode.env_steps <= end) {
-            evaluations.entry(episode.env_steps).or_default().push(episode.dense_return);
+        for episode in recording
+            .evaluations
+            .iter()
+            .filter(|episode| episode.env_steps <= end)
+        {
+            evaluations
+                .entry(episode.env_steps)
+                .or_default()
+                .push(episode.dense_return);
         }
-        return evaluations.into_iter().map(|(env_steps, returns)| (env_steps, mean(&returns))).collect();
+        return evaluations
+            .into_iter()
+            .map(|(env_steps, returns)| (env_steps, mean(&returns)))
+            .collect();
     };
     let progress = &recording.progress;
-    let (Some(steps), Some(column)) = (progress.get(&progress::ENV_STEPS), progress.get(column)) else {
+    let (Some(steps), Some(column)) = (progress.get(&progress::ENV_STEPS), progress.get(column))
+    else {
         return Vec::new();
     };
-    let rows = steps.iter().zip(column).filter_map(|(&steps, &value)| Some((steps? as u64, value?)));
+    let rows = steps
+        .iter()
+        .zip(column)
+        .filter_map(|(&steps, &value)| Some((steps? as u64, value?)));
     if bins.width == 0 {
         return rows.filter(|&(steps, _)| steps <= end).collect();
     }
     let mut binned: BTreeMap<u64, Vec<f64>> = BTreeMap::new();
     for (steps, value) in rows {
-        binned.entry(steps.saturating_sub(1) / bins.width).or_default().push(value);
+        binned
+            .entry(steps.saturating_sub(1) / bins.width)
+            .or_default()
+            .push(value);
     }
     // A bin that not all seeds have filled is none yet.
-    let full = binned.into_iter().filter(|(bin, _)| end == u64::MAX || (bin + 1).saturating_mul(bins.width) <= end);
-    full.map(|(bin, values)| (bin * bins.width + bins.width / 2, mean(&values))).collect()
+    let full = binned
+        .into_iter()
+        .filter(|(bin, _)| end == u64::MAX || (bin + 1).saturating_mul(bins.width) <= end);
+    full.map(|(bin, values)| (bin * bins.width + bins.width / 2, mean(&values)))
+        .collect()
 }
 
-/// The values of one seed on the scale that statistics are of, each the mean of those around it as far as `smooth` reaches,
-/// equally far to both sides: at the ends less far, and never over a value that cannot be drawn.
+/// The values of one seed on the scale that statistics are of, each the mean of those around it as
+/// far as `smooth` reaches, equally far to both sides: at the ends less far, and never over a value
+/// that cannot be drawn.
 fn smoothed(seed: &[(u64, f64)], averaging: Averaging) -> Vec<f64> {
     let half = averaging.smooth / 2;
-    let stretches = seed.chunk_by(|left, right| averaging.drawable(left.1) && averaging.drawable(right.1));
+    let stretches =
+        seed.chunk_by(|left, right| averaging.drawable(left.1) && averaging.drawable(right.1));
     stretches
         .flat_map(|stretch| {
             let (first, last) = (stretch[0].0, stretch[stretch.len() - 1].0);
             stretch.iter().map(move |&(x, _)| {
                 let reach = half.min(x - first).min(last - x);
-                let near =
-                    stretch.iter().skip_while(|point| point.0 < x - reach).take_while(|point| point.0 <= x + reach);
+                let near = stretch
+                    .iter()
+                    .skip_while(|point| point.0 < x - reach)
+                    .take_while(|point| point.0 <= x + reach);
                 let near: Vec<f64> = near.map(|point| averaging.there(point.1)).collect();
                 mean(&near)
             })
@@ -277,15 +383,26 @@ mod tests {
     use super::*;
 
     fn seed(reach: u64, recording: &Recording) -> Seed<'_> {
-        Seed { number: 0, recording, reach, under_way: Some(reach) }
+        Seed {
+            number: 0,
+            recording,
+            reach,
+            under_way: Some(reach),
+        }
     }
 
     #[test]
     fn as_many_seeds_are_drawn_as_make_the_most_of_seeds_times_steps() {
         let recording = Recording::default();
         let chosen = |reaches: &[u64]| {
-            let all: Vec<Seed<'_>> = reaches.iter().map(|&reach| seed(reach, &recording)).collect();
-            drawn(&all).iter().map(|seed| seed.reach).collect::<Vec<_>>()
+            let all: Vec<Seed<'_>> = reaches
+                .iter()
+                .map(|&reach| seed(reach, &recording))
+                .collect();
+            drawn(&all)
+                .iter()
+                .map(|seed| seed.reach)
+                .collect::<Vec<_>>()
         };
         assert_eq!(
             chosen(&[100, 10, 90, 100]),
@@ -299,17 +416,38 @@ mod tests {
 
     #[test]
     fn smoothing_reaches_equally_far_to_both_sides_and_over_no_gap() {
-        let averaging = |smooth, log| Averaging { log, band: Band::T, smooth };
+        let averaging = |smooth, log| Averaging {
+            log,
+            band: Band::T,
+            smooth,
+        };
         let line: Vec<(u64, f64)> = (0..9).map(|x| (x * 10, x as f64)).collect();
         let straight = smoothed(&line, averaging(40, false));
-        assert_eq!(straight, (0..9).map(f64::from).collect::<Vec<_>>(), "a straight line stays one, at its ends too");
+        assert_eq!(
+            straight,
+            (0..9).map(f64::from).collect::<Vec<_>>(),
+            "a straight line stays one, at its ends too"
+        );
         let peak = [(10, 0.0), (20, 0.0), (30, 3.0), (40, 0.0), (50, 0.0)];
-        assert_eq!(smoothed(&peak, averaging(20, false)), [0.0, 1.0, 1.0, 1.0, 0.0]);
-        assert_eq!(smoothed(&peak, averaging(0, false)), [0.0, 0.0, 3.0, 0.0, 0.0]);
+        assert_eq!(
+            smoothed(&peak, averaging(20, false)),
+            [0.0, 1.0, 1.0, 1.0, 0.0]
+        );
+        assert_eq!(
+            smoothed(&peak, averaging(0, false)),
+            [0.0, 0.0, 3.0, 0.0, 0.0]
+        );
         let broken = [(10, 1.0), (20, 2.0), (30, f64::NAN), (40, 4.0), (50, 5.0)];
         let values = smoothed(&broken, averaging(1000, false));
-        assert_eq!([values[0], values[1], values[3], values[4]], [1.0, 2.0, 4.0, 5.0]);
-        assert_eq!(smoothed(&[(1, 0.1), (2, 10.0), (3, 10.0)], averaging(2, true))[1], 1.0 / 3.0, "of log10");
+        assert_eq!(
+            [values[0], values[1], values[3], values[4]],
+            [1.0, 2.0, 4.0, 5.0]
+        );
+        assert_eq!(
+            smoothed(&[(1, 0.1), (2, 10.0), (3, 10.0)], averaging(2, true))[1],
+            1.0 / 3.0,
+            "of log10"
+        );
     }
 
     #[test]
@@ -321,8 +459,8 @@ mod tests {
         assert_eq!(ends(Band::Std), (4.0 - std, 4.0 + std));
         // t(0.975, 3) = 3.182446305.
         assert!((ends(Band::T).1 - 4.0 - 3.182446305284263 * std / 2.0).abs() < 1e-9);
-        // The mean of four draws from four values has 256 equally likely outcomes: P(mean <= 1.5) = 5 / 256 < 2.5 %, and
-        // P(mean <= 2) = 15 / 256; by symmetry above.
+        // The mean of four draws from four values has 256 equally likely outcomes: P(mean <= 1.5) =
+        // 5 / 256 < 2.5 %, and P(mean <= 2) = 15 / 256; by symmetry above.
         assert_eq!(ends(Band::Bootstrap), (2.0, 6.0));
         assert_eq!(band(&samples, 4.0, Band::Seeds, 10), None);
         assert_eq!(band(&[1.0], 1.0, Band::Std, 10), None);

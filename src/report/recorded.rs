@@ -1,8 +1,9 @@
 //! The runs of an experiment as they lie on the disk.
 //!
-//! Owns what the report takes from the recorded files: final and intermediate returns, and the numeric columns of progress. A
-//! run whose files are damaged, or whose final return is no number, is a run that failed. Of a run under way, it takes what the
-//! last checkpoint has. Knows nothing of figures or tables, nor of which runs may be averaged, which is `comparable`'s. Start at
+//! Owns what the report takes from the recorded files: final and intermediate returns, and the
+//! numeric columns of progress. A run whose files are damaged, or whose final return is no number,
+//! is a run that failed. Of a run under way, it takes what the last checkpoint has. Knows nothing
+//! of figures or tables, nor of which runs may be averaged, which is `comparable`'s. Start at
 //! [`load`].
 
 use std::{cell::OnceCell, collections::BTreeSet, path::Path};
@@ -11,7 +12,10 @@ use super::comparable;
 use crate::{
     measured::{Column, Iteration},
     plan::{self, RunSpec, Selection, Values},
-    record::{Demonstrated, Git, Manifest, Outcome, RecordError, RunPaths, Stamp, UnderWay, rows, rows::Numbers},
+    record::{
+        Demonstrated, Git, Manifest, Outcome, RecordError, RunPaths, Stamp, UnderWay, rows,
+        rows::Numbers,
+    },
     spec::Key,
 };
 
@@ -27,10 +31,11 @@ pub struct Loaded {
 /// The columns of progress that are asked for.
 pub type Columns<'a> = &'a [&'static Column<Iteration>];
 
-/// What `plan`, one experiment's runs, left under the folder `results`. Of progress, `columns` alone are read.
+/// What `plan`, one experiment's runs, left under the folder `results`. Of progress, `columns`
+/// alone are read.
 ///
-/// What was recorded by another specification than the plan's is told apart ([`State::Differs`]). A file that cannot be read
-/// makes its run a failed one.
+/// What was recorded by another specification than the plan's is told apart ([`State::Differs`]). A
+/// file that cannot be read makes its run a failed one.
 ///
 /// # Errors
 ///
@@ -40,11 +45,21 @@ pub fn load(plan: &[RunSpec], results: &Path, columns: Columns<'_>) -> Result<Lo
     for planned in plan {
         let paths = RunPaths::new(results, &planned.experiment, &planned.id)?;
         let run = load_run(planned, &paths, columns);
-        let mut run = run.unwrap_or_else(|error| Run::new(planned.clone(), State::Failed { error: error.to_string() }));
+        let mut run = run.unwrap_or_else(|error| {
+            Run::new(
+                planned.clone(),
+                State::Failed {
+                    error: error.to_string(),
+                },
+            )
+        });
         if run.state == State::Missing {
             match under_way(planned, &paths, columns) {
                 Ok(so_far) => run.under_way = so_far,
-                Err(error) => remarks.push(format!("{} is under way and cannot be drawn: {error}", planned.id)),
+                Err(error) => remarks.push(format!(
+                    "{} is under way and cannot be drawn: {error}",
+                    planned.id
+                )),
             }
         }
         runs.push(run);
@@ -54,17 +69,31 @@ pub fn load(plan: &[RunSpec], results: &Path, columns: Columns<'_>) -> Result<Lo
 }
 
 fn load_run(planned: &RunSpec, paths: &RunPaths, columns: Columns<'_>) -> Result<Run, RecordError> {
-    let Some(manifest) = paths.ended()? else { return Ok(Run::new(planned.clone(), State::Missing)) };
+    let Some(manifest) = paths.ended()? else {
+        return Ok(Run::new(planned.clone(), State::Missing));
+    };
     let trace = Trace::of(&manifest);
-    Ok(Run { trace: Some(trace), ..ended(planned, paths, manifest, columns)? })
+    Ok(Run {
+        trace: Some(trace),
+        ..ended(planned, paths, manifest, columns)?
+    })
 }
 
 /// What became of a run with this `manifest`.
-fn ended(planned: &RunSpec, paths: &RunPaths, manifest: Manifest, columns: Columns<'_>) -> Result<Run, RecordError> {
+fn ended(
+    planned: &RunSpec,
+    paths: &RunPaths,
+    manifest: Manifest,
+    columns: Columns<'_>,
+) -> Result<Run, RecordError> {
     let as_planned = |state| Run::new(planned.clone(), state);
     let recorded = match plan::recorded(&manifest.stamp.spec) {
         Ok(recorded) => recorded,
-        Err(_) => return Ok(as_planned(State::Differs { changes: vec![comparable::FORMAT.to_owned()] })),
+        Err(_) => {
+            return Ok(as_planned(State::Differs {
+                changes: vec![comparable::FORMAT.to_owned()],
+            }));
+        }
     };
     let changes = comparable::changes(&recorded, planned);
     if !changes.is_empty() {
@@ -72,32 +101,69 @@ fn ended(planned: &RunSpec, paths: &RunPaths, manifest: Manifest, columns: Colum
     }
     match &manifest.outcome {
         Outcome::Begun => Ok(as_planned(State::Missing)),
-        Outcome::Failed { error, .. } => Ok(as_planned(State::Failed { error: error.clone() })),
+        Outcome::Failed { error, .. } => Ok(as_planned(State::Failed {
+            error: error.clone(),
+        })),
         Outcome::Finished => {
             let recording = match recording(manifest, paths, columns)? {
                 Ok(recording) => recording,
                 Err(error) => return Ok(as_planned(State::Failed { error })),
             };
-            // What does not make it another run (its budget, how it was evaluated) is told as it was, not as it is planned.
-            let (experiment, id, axes) = (planned.experiment.clone(), planned.id.clone(), planned.axes.clone());
-            Ok(Run::new(RunSpec { experiment, id, axes, ..recorded }, State::Finished(recording)))
+            // What does not make it another run (its budget, how it was evaluated) is told as it
+            // was, not as it is planned.
+            let (experiment, id, axes) = (
+                planned.experiment.clone(),
+                planned.id.clone(),
+                planned.axes.clone(),
+            );
+            Ok(Run::new(
+                RunSpec {
+                    experiment,
+                    id,
+                    axes,
+                    ..recorded
+                },
+                State::Finished(recording),
+            ))
         }
     }
 }
 
-/// What `planned`, which has not ended, has come to; nothing where another specification is under way.
+/// What `planned`, which has not ended, has come to; nothing where another specification is under
+/// way.
 ///
-/// Errors: its files are damaged or of another program.
-fn under_way(planned: &RunSpec, paths: &RunPaths, columns: Columns<'_>) -> Result<Option<SoFar>, RecordError> {
-    let Some(UnderWay { manifest, iterations, evaluations }) = UnderWay::read(paths)? else { return Ok(None) };
-    let same = plan::recorded(&manifest.stamp.spec)
-        .is_ok_and(|recorded| recorded.budget == planned.budget && comparable::changes(&recorded, planned).is_empty());
-    let Some(last) = iterations.last().filter(|_| same) else { return Ok(None) };
+/// # Errors
+///
+/// Its files are damaged or of another program.
+fn under_way(
+    planned: &RunSpec,
+    paths: &RunPaths,
+    columns: Columns<'_>,
+) -> Result<Option<SoFar>, RecordError> {
+    let Some(UnderWay {
+        manifest,
+        iterations,
+        evaluations,
+    }) = UnderWay::read(paths)?
+    else {
+        return Ok(None);
+    };
+    let same = plan::recorded(&manifest.stamp.spec).is_ok_and(|recorded| {
+        recorded.budget == planned.budget && comparable::changes(&recorded, planned).is_empty()
+    });
+    let Some(last) = iterations.last().filter(|_| same) else {
+        return Ok(None);
+    };
     let env_steps = last.env_steps;
     let progress = Numbers::of(&iterations, columns);
-    let evaluations =
-        evaluations.iter().map(|row| Evaluation::new(row.env_steps, row.last, row.dense_return)).collect();
-    Ok(Some(SoFar { env_steps, recording: Recording::new(manifest.stamp, evaluations, progress) }))
+    let evaluations = evaluations
+        .iter()
+        .map(|row| Evaluation::new(row.env_steps, row.last, row.dense_return))
+        .collect();
+    Ok(Some(SoFar {
+        env_steps,
+        recording: Recording::new(manifest.stamp, evaluations, progress),
+    }))
 }
 
 /// What a finished run recorded, or why that is no result.
@@ -108,7 +174,10 @@ fn recording(
 ) -> Result<Result<Recording, String>, RecordError> {
     manifest.check_tables(&paths.complete)?;
     let episodes = rows::read_evaluations(&RunPaths::evaluations(&paths.complete))?;
-    let evaluations = episodes.iter().map(|row| Evaluation::new(row.env_steps, row.last, row.dense_return)).collect();
+    let evaluations = episodes
+        .iter()
+        .map(|row| Evaluation::new(row.env_steps, row.last, row.dense_return))
+        .collect();
     let progress = match columns {
         [] => Numbers::default(),
         columns => rows::read_numbers(&RunPaths::progress(&paths.complete), columns)?,
@@ -179,7 +248,13 @@ pub struct Trace {
 
 impl Trace {
     fn of(manifest: &Manifest) -> Self {
-        let Manifest { stamp, env_steps, seconds, outcome, .. } = manifest;
+        let Manifest {
+            stamp,
+            env_steps,
+            seconds,
+            outcome,
+            ..
+        } = manifest;
         let origin = stamp.origin.as_ref();
         let log_tail = match outcome {
             Outcome::Failed { log_tail, .. } => log_tail.clone(),
@@ -190,7 +265,12 @@ impl Trace {
             git: origin.and_then(|origin| origin.git.clone()),
             cpu_class: stamp.build.cpu_class.clone(),
             cpu: origin.map(|origin| origin.cpu.clone()),
-            mujoco: stamp.build.versions.get("mujoco").and_then(|version| version.as_str()).map(str::to_owned),
+            mujoco: stamp
+                .build
+                .versions
+                .get("mujoco")
+                .and_then(|version| version.as_str())
+                .map(str::to_owned),
             env_steps: *env_steps,
             seconds: *seconds,
             log_tail,
@@ -216,7 +296,8 @@ pub struct Recording {
     pub progress: Numbers,
     /// The digest of the demonstration that it learned from; absent for an algorithm without one.
     pub demonstration: Option<String>,
-    /// What that demonstration holds; absent for an algorithm without one, and where an older program recorded the run.
+    /// What that demonstration holds; absent for an algorithm without one, and where an older
+    /// program recorded the run.
     pub demonstrated: Option<Demonstrated>,
     /// The versions of what computes numbers.
     pub versions: serde_json::Value,
@@ -235,7 +316,11 @@ pub struct Evaluation {
 
 impl Evaluation {
     fn new(env_steps: u64, last: bool, dense_return: f64) -> Self {
-        Self { env_steps, last, dense_return }
+        Self {
+            env_steps,
+            last,
+            dense_return,
+        }
     }
 }
 
@@ -243,7 +328,14 @@ impl Run {
     /// The run `spec`, of which `state` became.
     pub fn new(spec: RunSpec, state: State) -> Self {
         let values = spec.values();
-        Self { spec, state, under_way: None, trace: None, values, departures: OnceCell::new() }
+        Self {
+            spec,
+            state,
+            under_way: None,
+            trace: None,
+            values,
+            departures: OnceCell::new(),
+        }
     }
 
     /// What it recorded, if it finished.
@@ -269,37 +361,60 @@ impl Run {
         self.departures.get_or_init(|| self.spec.departures())
     }
 
-    /// Whether the setting or hyperparameter `key`, in full or by its last part, is not the default.
+    /// Whether the setting or hyperparameter `key`, in full or by its last part, is not the
+    /// default.
     pub fn departs_in(&self, key: &Key) -> bool {
         let name = key.to_string();
         let is_of = |departure: &String| {
-            departure.strip_suffix(&name).is_some_and(|path| path.is_empty() || path.ends_with('.'))
+            departure
+                .strip_suffix(&name)
+                .is_some_and(|path| path.is_empty() || path.ends_with('.'))
         };
         self.departures().iter().any(is_of)
     }
 }
 
-/// The mean return of the demonstration that the finished ones of `runs` learned from, as far as they learn from one; `None`
-/// where they learned from several, or none recorded it.
+/// The mean return of the demonstration that the finished ones of `runs` learned from, as far as
+/// they learn from one; `None` where they learned from several, or none recorded it.
 pub fn demonstrated_return(runs: &[&Run]) -> Option<f64> {
     let learners = runs.iter().filter(|run| run.spec.demonstration.is_some());
     let recordings: Vec<&Recording> = learners.filter_map(|run| run.recording()).collect();
     let one = recordings.first()?.demonstration.as_ref()?;
-    if recordings.iter().any(|recording| recording.demonstration.as_ref() != Some(one)) {
+    if recordings
+        .iter()
+        .any(|recording| recording.demonstration.as_ref() != Some(one))
+    {
         return None;
     }
-    recordings.iter().find_map(|recording| recording.demonstrated.as_ref()?.mean_return)
+    recordings
+        .iter()
+        .find_map(|recording| recording.demonstrated.as_ref()?.mean_return)
 }
 
 impl Recording {
     fn new(stamp: Stamp, evaluations: Vec<Evaluation>, progress: Numbers) -> Self {
-        let Stamp { demonstration, demonstrated, build, .. } = stamp;
-        Self { evaluations, progress, demonstration, demonstrated, versions: build.versions }
+        let Stamp {
+            demonstration,
+            demonstrated,
+            build,
+            ..
+        } = stamp;
+        Self {
+            evaluations,
+            progress,
+            demonstration,
+            demonstrated,
+            versions: build.versions,
+        }
     }
 
     /// Dense returns of the episodes at the end of training.
     pub fn final_returns(&self) -> Vec<f64> {
-        self.evaluations.iter().filter(|episode| episode.last).map(|episode| episode.dense_return).collect()
+        self.evaluations
+            .iter()
+            .filter(|episode| episode.last)
+            .map(|episode| episode.dense_return)
+            .collect()
     }
 }
 

@@ -1,7 +1,8 @@
 //! The figures that the paper prints.
 //!
-//! Owns `reference.toml`, the transcription of the appendix's Tables 2 to 5 with the margin of verdicts, and typed access to it. Knows nothing of what
-//! was recorded here. Start at [`returns`] and [`ablation`].
+//! Owns `reference.toml`, the transcription of the appendix's Tables 2 to 5 with the margin of
+//! verdicts, and typed access to it. Knows nothing of what was recorded here. Start at [`returns`]
+//! and [`ablation`].
 
 use std::sync::LazyLock;
 
@@ -9,7 +10,8 @@ use serde::Deserialize;
 
 use crate::plan::RunSpec;
 
-/// A return as the paper prints it: over 50 episodes with the best policy of five seeds, in the dense reward.
+/// A return as the paper prints it: over 50 episodes with the best policy of five seeds, in the
+/// dense reward.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(from = "(f64, f64)")]
 pub struct PaperValue {
@@ -124,8 +126,9 @@ struct Paper {
     table5: Vec<AblationRow>,
 }
 
-static PAPER: LazyLock<Paper> =
-    LazyLock::new(|| toml::from_str(include_str!("reference.toml")).expect("reference.toml is checked by a test"));
+static PAPER: LazyLock<Paper> = LazyLock::new(|| {
+    toml::from_str(include_str!("reference.toml")).expect("reference.toml is checked by a test")
+});
 
 /// The environment of Table 5, by its Gym id.
 pub const ABLATION_ENV: &str = "HalfCheetah-v2";
@@ -138,12 +141,18 @@ pub fn constraint(gym: &str) -> Option<&'static Constraint> {
 /// The row of Tables 3 and 4 for the environment with Gym id `gym`.
 pub fn returns(gym: &str) -> Option<&'static Returns> {
     let paper_name = &constraint(gym)?.environment;
-    PAPER.returns.iter().find(|row| &row.environment == paper_name)
+    PAPER
+        .returns
+        .iter()
+        .find(|row| &row.environment == paper_name)
 }
 
 /// The scale of returns in the environment with Gym id `gym`: Table 4's expert and random policy.
 pub fn scale(gym: &str) -> Option<Scale> {
-    returns(gym).map(|row| Scale { random: row.random.mean, distance: row.expert.mean - row.random.mean })
+    returns(gym).map(|row| Scale {
+        random: row.random.mean,
+        distance: row.expert.mean - row.random.mean,
+    })
 }
 
 /// The authors' demonstration in the environment with Gym id `gym`.
@@ -153,13 +162,18 @@ pub fn demonstration(gym: &str) -> Option<&'static Demonstration> {
 
 /// Table 5: MCPO on [`ABLATION_ENV`] with tolerance `d` and annealing factor `epsilon`.
 pub fn ablation(d: f64, epsilon: f64) -> Option<PaperValue> {
-    PAPER.table5.iter().find(|row| row.d == d && row.epsilon == epsilon).map(|row| row.mcpo)
+    PAPER
+        .table5
+        .iter()
+        .find(|row| row.d == d && row.epsilon == epsilon)
+        .map(|row| row.mcpo)
 }
 
-/// Environment steps that a run like `spec` needs to be compared with the paper, which does not print its own.
+/// Environment steps that a run like `spec` needs to be compared with the paper, which does not
+/// print its own.
 ///
-/// This project's choice: 2e5 for MountainCar and InvertedPendulum, 1e6 for InvertedDoublePendulum, 3e6 for the others; none
-/// for an algorithm that takes no step of training.
+/// This project's choice: 2e5 for MountainCar and InvertedPendulum, 1e6 for InvertedDoublePendulum,
+/// 3e6 for the others; none for an algorithm that takes no step of training.
 pub fn assumed_budget(spec: &RunSpec) -> u64 {
     match spec.env.name() {
         _ if !spec.algorithm.trains() => 0,
@@ -176,7 +190,10 @@ mod tests {
     #[test]
     fn what_the_paper_does_not_print_is_absent() {
         assert_eq!(returns("Swimmer-v2"), None);
-        assert_eq!(returns("HalfCheetah-v2").and_then(|row| row.of("trpo")), None);
+        assert_eq!(
+            returns("HalfCheetah-v2").and_then(|row| row.of("trpo")),
+            None
+        );
         assert_eq!(ablation(1e-2, 0.0), None);
     }
 
@@ -184,15 +201,41 @@ mod tests {
     fn the_tables_are_found_by_gym_id_and_algorithm() {
         let cheetah = returns("HalfCheetah-v2").expect("a row");
         assert_eq!(cheetah.demo, 2109.80);
-        assert_eq!(cheetah.of("mcpo"), Some(PaperValue { mean: 3541.23, std: 135.72 }));
+        assert_eq!(
+            cheetah.of("mcpo"),
+            Some(PaperValue {
+                mean: 3541.23,
+                std: 135.72
+            })
+        );
         let pendulum = returns("InvertedPendulum-v2").expect("the paper's Pendulum-v2");
-        assert_eq!(pendulum.of("mmd_il"), Some(PaperValue { mean: 25.71, std: 1.03 }));
-        assert_eq!(ablation(1e-3, 2e-3), Some(PaperValue { mean: 2943.08, std: 99.60 }));
+        assert_eq!(
+            pendulum.of("mmd_il"),
+            Some(PaperValue {
+                mean: 25.71,
+                std: 1.03
+            })
+        );
+        assert_eq!(
+            ablation(1e-3, 2e-3),
+            Some(PaperValue {
+                mean: 2943.08,
+                std: 99.60
+            })
+        );
         assert_eq!(ablation(1.0, 0.0).map(|value| value.mean), Some(-586.52));
         assert_eq!(constraint("Hopper-v2").map(|row| row.d), Some(1e-4));
         assert_eq!(PAPER.returns.len(), 7);
         let scale = scale("HalfCheetah-v2").expect("a row");
-        assert!((scale.distance - 4509.36).abs() < 1e-9 && (scale.margin() - 450.936).abs() < 1e-9, "{scale:?}");
-        assert!(PAPER.table2.iter().all(|row| returns(&row.gym).is_some() && demonstration(&row.gym).is_some()));
+        assert!(
+            (scale.distance - 4509.36).abs() < 1e-9 && (scale.margin() - 450.936).abs() < 1e-9,
+            "{scale:?}"
+        );
+        assert!(
+            PAPER
+                .table2
+                .iter()
+                .all(|row| returns(&row.gym).is_some() && demonstration(&row.gym).is_some())
+        );
     }
 }

@@ -1,7 +1,7 @@
 //! What of an experiment a report is of, where that is not the file as it stands.
 //!
-//! Owns the name of the report's folder and what its heading says. Knows nothing of runs. A part of the file's runs gets a folder
-//! of its own, so that it never takes the place of the whole report.
+//! Owns the name of the report's folder and what its heading says. Knows nothing of runs. A part of
+//! the file's runs gets a folder of its own, so that it never takes the place of the whole report.
 
 use std::path::Path;
 
@@ -29,16 +29,28 @@ impl Scope {
     ///
     /// `--only` cannot be understood.
     pub fn selection(&self) -> Result<Option<Selection>, ReportError> {
-        Ok((!self.only.is_empty()).then(|| Selection::parse(&self.only.join(","))).transpose()?)
+        Ok((!self.only.is_empty())
+            .then(|| Selection::parse(&self.only.join(",")))
+            .transpose()?)
     }
 
     /// `report`; for a part of the file's runs, that with their names (`report-only-seed=0`).
     pub fn folder(&self) -> String {
         let parts = [("only", &self.only), ("axis", &self.axis)];
         let given = parts.iter().filter(|(_, values)| !values.is_empty());
-        let text: String = given.map(|(option, values)| format!("-{option}-{}", values.join(","))).collect();
-        let safe: String =
-            text.chars().map(|c| if c.is_ascii_alphanumeric() || "._-+=,".contains(c) { c } else { '_' }).collect();
+        let text: String = given
+            .map(|(option, values)| format!("-{option}-{}", values.join(",")))
+            .collect();
+        let safe: String = text
+            .chars()
+            .map(|c| {
+                if c.is_ascii_alphanumeric() || "._-+=,".contains(c) {
+                    c
+                } else {
+                    '_'
+                }
+            })
+            .collect();
         if safe == text && safe.len() <= LONGEST {
             return format!("report{safe}");
         }
@@ -48,31 +60,56 @@ impl Scope {
 
     /// The command that makes this report of `file` from what is recorded under `results`.
     pub fn command(&self, file: &Path, results: &Path) -> String {
-        let quoted = |text: &str| match text.chars().all(|c| c.is_ascii_alphanumeric() || "._-+=,/".contains(c)) {
+        let quoted = |text: &str| match text
+            .chars()
+            .all(|c| c.is_ascii_alphanumeric() || "._-+=,/".contains(c))
+        {
             true => text.to_owned(),
             false => format!("'{}'", text.replace('\'', "'\\''")),
         };
-        let options = [("--only", &self.only), ("--axis", &self.axis), ("--set", &self.set)];
-        let options = options.iter().flat_map(|(name, values)| values.iter().map(move |value| (*name, value.clone())));
-        let results = (results != Path::new("results")).then(|| ("--results", results.display().to_string()));
-        let options = options.chain(results).map(|(name, value)| format!(" {name} {}", quoted(&value)));
-        format!("mcpo-run report {}{}", quoted(&file.display().to_string()), options.collect::<String>())
+        let options = [
+            ("--only", &self.only),
+            ("--axis", &self.axis),
+            ("--set", &self.set),
+        ];
+        let options = options
+            .iter()
+            .flat_map(|(name, values)| values.iter().map(move |value| (*name, value.clone())));
+        let results =
+            (results != Path::new("results")).then(|| ("--results", results.display().to_string()));
+        let options = options
+            .chain(results)
+            .map(|(name, value)| format!(" {name} {}", quoted(&value)));
+        format!(
+            "mcpo-run report {}{}",
+            quoted(&file.display().to_string()),
+            options.collect::<String>()
+        )
     }
 
     /// `Of --only seed=0 --set budget.env_steps=100 alone.`; `None` for the file as it stands.
     pub fn heading(&self) -> Option<String> {
-        let parts = [("--only", &self.only), ("--axis", &self.axis), ("--set", &self.set)];
+        let parts = [
+            ("--only", &self.only),
+            ("--axis", &self.axis),
+            ("--set", &self.set),
+        ];
         let options: Vec<String> = parts
             .iter()
-            .flat_map(|(option, values)| values.iter().map(move |value| format!("{option} {value}")))
+            .flat_map(|(option, values)| {
+                values.iter().map(move |value| format!("{option} {value}"))
+            })
             .collect();
-        (!options.is_empty()).then(|| format!("This report is of the file with {}.", options.join(" ")))
+        (!options.is_empty())
+            .then(|| format!("This report is of the file with {}.", options.join(" ")))
     }
 }
 
 /// FNV-1a (Fowler, Noll and Vo): enough to tell a few names apart.
 fn checksum(text: &str) -> u32 {
-    text.bytes().fold(0x811c_9dc5, |sum: u32, byte| (sum ^ u32::from(byte)).wrapping_mul(0x0100_0193))
+    text.bytes().fold(0x811c_9dc5, |sum: u32, byte| {
+        (sum ^ u32::from(byte)).wrapping_mul(0x0100_0193)
+    })
 }
 
 #[cfg(test)]
@@ -80,26 +117,43 @@ mod tests {
     use super::*;
 
     fn only(text: &str) -> Scope {
-        Scope { only: vec![text.to_owned()], ..Scope::default() }
+        Scope {
+            only: vec![text.to_owned()],
+            ..Scope::default()
+        }
     }
 
     #[test]
     fn a_part_has_a_folder_of_its_own_and_the_file_has_the_plain_one() {
         assert_eq!(Scope::default().folder(), "report");
         assert_eq!(
-            Scope { set: vec!["d=1".into()], ..Scope::default() }.folder(),
+            Scope {
+                set: vec!["d=1".into()],
+                ..Scope::default()
+            }
+            .folder(),
             "report",
             "these are all of its runs"
         );
-        assert_eq!(only("seed=0,env=Hopper-v2").folder(), "report-only-seed=0,env=Hopper-v2");
-        let both = Scope { axis: vec!["seed=0,1".into()], ..only("seed=0") };
+        assert_eq!(
+            only("seed=0,env=Hopper-v2").folder(),
+            "report-only-seed=0,env=Hopper-v2"
+        );
+        let both = Scope {
+            axis: vec!["seed=0,1".into()],
+            ..only("seed=0")
+        };
         assert_eq!(both.folder(), "report-only-seed=0-axis-seed=0,1");
     }
 
     #[test]
     fn folders_of_hostile_or_long_selections_stay_apart_and_inside() {
         let folders = ["../../x", "../..?x", "..\u{0}/x"].map(|text| only(text).folder());
-        assert!(folders.iter().all(|folder| folder.starts_with("report-only-") && !folder.contains(['/', '\0'])));
+        assert!(
+            folders
+                .iter()
+                .all(|folder| folder.starts_with("report-only-") && !folder.contains(['/', '\0']))
+        );
         assert_ne!(folders[0], folders[1]);
         let long = |end: &str| only(&format!("env={}{end}", "x".repeat(500))).folder();
         assert!(long("a") != long("b") && long("a").len() < 130);
@@ -108,7 +162,10 @@ mod tests {
     #[test]
     fn the_heading_names_the_options() {
         assert_eq!(Scope::default().heading(), None);
-        let scope = Scope { set: vec!["budget.env_steps=100".into()], ..only("seed=0") };
+        let scope = Scope {
+            set: vec!["budget.env_steps=100".into()],
+            ..only("seed=0")
+        };
         assert_eq!(
             scope.heading().as_deref(),
             Some("This report is of the file with --only seed=0 --set budget.env_steps=100.")

@@ -1,11 +1,14 @@
-//! One number for many environments: the summaries that Agarwal et al. (2021) ask for, of each method.
+//! One number for many environments: the summaries that Agarwal et al. (2021) ask for, of each
+//! method.
 //!
-//! Owns how returns become scores, and which runs are a method's. The summaries themselves are [`stats`](crate::stats)'. Start at
+//! Owns how returns become scores, and which runs are a method's. The summaries themselves are
+//! [`stats`](crate::stats)'. Start at
 //! [`StatisticsData::new`].
 //!
-//! A score is a return where the paper's Random has 0 and its Expert 1, environment by environment. A run that failed has score 0.
-//! Only environments in which every method has a finished run count, so that all methods are summed up over the same.
-//! Each summary has a stratified bootstrap interval, which is too narrow for few seeds; a note says by how much.
+//! A score is a return where the paper's Random has 0 and its Expert 1, environment by environment.
+//! A run that failed has score 0. Only environments in which every method has a finished run count,
+//! so that all methods are summed up over the same. Each summary has a stratified bootstrap
+//! interval, which is too narrow for few seeds; a note says by how much.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -64,10 +67,11 @@ pub struct Method {
     pub aggregates: Aggregates,
     /// The mean over environments of the area under its learning curves, over their length.
     pub area: Option<f64>,
-    /// The median over runs of the share of the budget after which a score of one half was first evaluated; infinite where most
-    /// runs never had it.
+    /// The median over runs of the share of the budget after which a score of one half was first
+    /// evaluated; infinite where most runs never had it.
     pub half: f64,
-    /// The probability that the base's score is above its; `None` of the base itself, and where they share no environment.
+    /// The probability that the base's score is above its; `None` of the base itself, and where
+    /// they share no environment.
     pub below_base: Option<Estimate>,
 }
 
@@ -78,9 +82,13 @@ type Scores = BTreeMap<EnvId, Vec<f64>>;
 type Found<'a> = (Label, usize, Scores, Vec<&'a Run>);
 
 impl StatisticsData {
-    /// The summaries of `runs`; `None` where fewer than two environments have a finished run of every method that has any.
+    /// The summaries of `runs`; `None` where fewer than two environments have a finished run of
+    /// every method that has any.
     pub fn new(runs: &[Run], identities: &Identities) -> Option<Self> {
-        let known: Vec<&Run> = runs.iter().filter(|run| reference::scale(run.spec.env.name()).is_some()).collect();
+        let known: Vec<&Run> = runs
+            .iter()
+            .filter(|run| reference::scale(run.spec.env.name()).is_some())
+            .collect();
         let keys = axis::hidden_axes(&known, &[Key::Env, Key::Algorithm]);
         let keys = [vec![Key::Algorithm], keys].concat();
         let groups = axis::group(&known, &keys);
@@ -98,7 +106,11 @@ impl StatisticsData {
             .flat_map(|(_, _, scores, _)| scores.keys().copied())
             .collect::<BTreeSet<_>>()
             .into_iter()
-            .partition(|env| found.iter().all(|(_, _, scores, _)| scores.contains_key(env)));
+            .partition(|env| {
+                found
+                    .iter()
+                    .all(|(_, _, scores, _)| scores.contains_key(env))
+            });
         if environments.len() < 2 {
             return None;
         }
@@ -106,23 +118,45 @@ impl StatisticsData {
             scores.retain(|env, _| environments.contains(env));
             runs.retain(|run| environments.contains(&run.spec.env));
         }
-        let base = found.iter().position(|(_, look, ..)| *look == 0).unwrap_or(0);
+        let base = found
+            .iter()
+            .position(|(_, look, ..)| *look == 0)
+            .unwrap_or(0);
         let of_base = &found[base].2;
-        let methods = found.iter().enumerate().map(|(index, (label, _, scores, runs))| {
-            let below_base = (index != base).then(|| improvement(of_base, scores)).flatten();
-            Method::new(label.clone(), runs, scores, below_base)
-        });
+        let methods = found
+            .iter()
+            .enumerate()
+            .map(|(index, (label, _, scores, runs))| {
+                let below_base = (index != base)
+                    .then(|| improvement(of_base, scores))
+                    .flatten();
+                Method::new(label.clone(), runs, scores, below_base)
+            });
         let methods: Vec<Method> = methods.collect::<Option<_>>()?;
         let profile = profile(&found, &keys);
         let notes = notes(&methods, base, [&environments, &left_out], &found);
-        Some(Self { keys, methods, base, profile, notes })
+        Some(Self {
+            keys,
+            methods,
+            base,
+            profile,
+            notes,
+        })
     }
 }
 
 impl Method {
-    fn new(label: Label, runs: &[&Run], scores: &Scores, below_base: Option<Estimate>) -> Option<Self> {
+    fn new(
+        label: Label,
+        runs: &[&Run],
+        scores: &Scores,
+        below_base: Option<Estimate>,
+    ) -> Option<Self> {
         let tasks: Vec<&[f64]> = scores.values().map(Vec::as_slice).collect();
-        let bootstrap = Bootstrap { resamples: RESAMPLES, ..Bootstrap::default() };
+        let bootstrap = Bootstrap {
+            resamples: RESAMPLES,
+            ..Bootstrap::default()
+        };
         let areas: Vec<f64> = scores.keys().filter_map(|env| area(runs, *env)).collect();
         let mut halves: Vec<f64> = runs.iter().filter_map(|run| half(run)).collect();
         halves.sort_by(f64::total_cmp);
@@ -132,7 +166,10 @@ impl Method {
             scores: scores.values().map(Vec::len).sum(),
             aggregates: Aggregates::of(&tasks, &bootstrap, &mut rng())?,
             area: (areas.len() == scores.len()).then(|| mean(&areas)),
-            half: halves.get(halves.len() / 2).copied().unwrap_or(f64::INFINITY),
+            half: halves
+                .get(halves.len() / 2)
+                .copied()
+                .unwrap_or(f64::INFINITY),
             below_base,
         })
     }
@@ -168,15 +205,22 @@ fn scores(runs: &[&Run]) -> Scores {
     scores
 }
 
-/// The mean over the finished runs in `env` of the area under their curves of scores; `None` without any.
+/// The mean over the finished runs in `env` of the area under their curves of scores; `None`
+/// without any.
 fn area(runs: &[&Run], env: EnvId) -> Option<f64> {
     let finished = runs.iter().filter(|run| run.spec.env == env);
-    let areas = finished.filter_map(|run| score(env, measure::area(&seed_values(run.recording()?, Measure::Return))?));
+    let areas = finished.filter_map(|run| {
+        score(
+            env,
+            measure::area(&seed_values(run.recording()?, Measure::Return))?,
+        )
+    });
     let areas: Vec<f64> = areas.collect();
     (!areas.is_empty()).then(|| mean(&areas))
 }
 
-/// The share of its budget after which a run was first evaluated with [`HALF`]; infinite where it never was, or failed.
+/// The share of its budget after which a run was first evaluated with [`HALF`]; infinite where it
+/// never was, or failed.
 fn half(run: &Run) -> Option<f64> {
     let recording = match &run.state {
         State::Finished(recording) => recording,
@@ -184,38 +228,61 @@ fn half(run: &Run) -> Option<f64> {
         State::Missing | State::Differs { .. } => return None,
     };
     let values = seed_values(recording, Measure::Return);
-    let first = values.iter().find(|(_, value)| score(run.spec.env, *value).is_some_and(|score| score >= HALF));
+    let first = values
+        .iter()
+        .find(|(_, value)| score(run.spec.env, *value).is_some_and(|score| score >= HALF));
     let budget = run.spec.budget.env_steps.get() as f64;
     Some(first.map_or(f64::INFINITY, |(steps, _)| *steps as f64 / budget))
 }
 
-/// The probability that a score of `ours` is above one of `theirs`, over the environments that both have.
+/// The probability that a score of `ours` is above one of `theirs`, over the environments that both
+/// have.
 fn improvement(ours: &Scores, theirs: &Scores) -> Option<Estimate> {
-    let both = ours.iter().filter_map(|(env, ours)| Some((ours.as_slice(), theirs.get(env)?.as_slice())));
+    let both = ours
+        .iter()
+        .filter_map(|(env, ours)| Some((ours.as_slice(), theirs.get(env)?.as_slice())));
     let (ours, theirs): (Vec<&[f64]>, Vec<&[f64]>) = both.unzip();
-    let bootstrap = Bootstrap { resamples: RESAMPLES, ..Bootstrap::default() };
+    let bootstrap = Bootstrap {
+        resamples: RESAMPLES,
+        ..Bootstrap::default()
+    };
     probability_of_improvement(&ours, &theirs, &bootstrap, &mut rng())
 }
 
 /// The performance profile of each method.
 fn profile(found: &[Found<'_>], keys: &[Key]) -> CurveData {
-    let all = || found.iter().flat_map(|(_, _, scores, _)| scores.values().flatten());
+    let all = || {
+        found
+            .iter()
+            .flat_map(|(_, _, scores, _)| scores.values().flatten())
+    };
     let quarter = |end: f64| (4.0 * end).round() / 4.0;
     let low = quarter((4.0 * all().copied().fold(0.0, f64::min)).floor() / 4.0).max(-1.0);
     let high = quarter((4.0 * all().copied().fold(1.0, f64::max)).ceil() / 4.0).min(2.0);
     let threshold = |index: usize| low + (high - low) * index as f64 / (THRESHOLDS - 1) as f64;
     let thresholds: Vec<f64> = (0..THRESHOLDS).map(threshold).collect();
-    let bootstrap = Bootstrap { resamples: RESAMPLES_OF_CURVES, ..Bootstrap::default() };
+    let bootstrap = Bootstrap {
+        resamples: RESAMPLES_OF_CURVES,
+        ..Bootstrap::default()
+    };
     let curve = |scores: &Scores| {
         let tasks: Vec<&[f64]> = scores.values().map(Vec::as_slice).collect();
         let shares = performance_profile(&tasks, &thresholds, &bootstrap, &mut rng())?;
-        let points = thresholds.iter().zip(shares).map(|(&env_steps, share)| Point {
-            env_steps,
-            mean: share.value,
-            band: Some((share.low, share.high)),
-        });
+        let points = thresholds
+            .iter()
+            .zip(shares)
+            .map(|(&env_steps, share)| Point {
+                env_steps,
+                mean: share.value,
+                band: Some((share.low, share.high)),
+            });
         let seeds = tasks.iter().map(|task| task.len()).min().unwrap_or(0);
-        Some(Curve { points: points.collect(), seeds, planned: seeds, ..Curve::default() })
+        Some(Curve {
+            points: points.collect(),
+            seeds,
+            planned: seeds,
+            ..Curve::default()
+        })
     };
     CurveData {
         title: "Performance profiles".to_owned(),
@@ -241,8 +308,18 @@ fn profile(found: &[Found<'_>], keys: &[Key]) -> CurveData {
     }
 }
 
-fn notes(methods: &[Method], base: usize, environments: [&[EnvId]; 2], found: &[Found<'_>]) -> Vec<String> {
-    let [counted, left_out] = environments.map(|some| some.iter().map(|env| env.name()).collect::<Vec<_>>().join(", "));
+fn notes(
+    methods: &[Method],
+    base: usize,
+    environments: [&[EnvId]; 2],
+    found: &[Found<'_>],
+) -> Vec<String> {
+    let [counted, left_out] = environments.map(|some| {
+        some.iter()
+            .map(|env| env.name())
+            .collect::<Vec<_>>()
+            .join(", ")
+    });
     let mut notes = vec![
         format!(
             "Scores: dense returns of the final evaluation, of which the paper's Random has 0 and its Expert 1; over {counted}."
@@ -258,17 +335,28 @@ fn notes(methods: &[Method], base: usize, environments: [&[EnvId]; 2], found: &[
             methods[base].label.text
         ));
     }
-    let fewest = found.iter().flat_map(|(_, _, scores, _)| scores.values().map(Vec::len)).min().unwrap_or(0);
+    let fewest = found
+        .iter()
+        .flat_map(|(_, _, scores, _)| scores.values().map(Vec::len))
+        .min()
+        .unwrap_or(0);
     notes.push(format!(
         "In brackets: the 95 % stratified percentile bootstrap interval ({RESAMPLES} resamples). It is too narrow for few seeds (the fewest \
          here: {fewest}): of normal samples it holds the mean over many environments 89 % of the time with 3 seeds in each and 92 % with 5, \
          and in one environment 75 % and 84 %."
     ));
     if !left_out.is_empty() {
-        notes.push(format!("Left out, since not every method here has a finished run there: {left_out}."));
+        notes.push(format!(
+            "Left out, since not every method here has a finished run there: {left_out}."
+        ));
     }
     let failed = |run: &&&Run| matches!(run.state, State::Failed { .. });
-    match found.iter().flat_map(|(.., runs)| runs.iter()).filter(failed).count() {
+    match found
+        .iter()
+        .flat_map(|(.., runs)| runs.iter())
+        .filter(failed)
+        .count()
+    {
         0 => {}
         count => notes.push(format!("Runs that failed have score 0: {count}.")),
     }
@@ -289,7 +377,11 @@ mod tests {
     fn runs(algorithm: &str, env: &str, scores: &[f64]) -> Vec<Run> {
         let run = |(seed, score): (usize, &f64)| {
             let run = fixture::run(algorithm, &format!("env = [{env:?}]\nseed = [{seed}]"));
-            run.finished(&[(0, &[worth(env, 0.0)]), (50, &[worth(env, *score)]), (100, &[worth(env, *score)])])
+            run.finished(&[
+                (0, &[worth(env, 0.0)]),
+                (50, &[worth(env, *score)]),
+                (100, &[worth(env, *score)]),
+            ])
         };
         scores.iter().enumerate().map(run).collect()
     }
@@ -311,9 +403,15 @@ mod tests {
         all.extend(runs("mcpo", "Hopper-v2", &[0.6, 0.8]));
         all.extend(runs("mcpo", "Ant-v2", &[0.2, 1.2]));
         let data = statistics(&all).expect("two environments");
-        let close = |found: f64, wanted: f64| assert!((found - wanted).abs() < 1e-9, "{found} {wanted}");
-        let [ppo, mcpo] = data.methods.as_slice() else { panic!("{:?}", data.methods) };
-        assert_eq!((ppo.label.text.as_str(), mcpo.label.text.as_str(), data.base), ("PPO", "MCPO", 1));
+        let close =
+            |found: f64, wanted: f64| assert!((found - wanted).abs() < 1e-9, "{found} {wanted}");
+        let [ppo, mcpo] = data.methods.as_slice() else {
+            panic!("{:?}", data.methods)
+        };
+        assert_eq!(
+            (ppo.label.text.as_str(), mcpo.label.text.as_str(), data.base),
+            ("PPO", "MCPO", 1)
+        );
         assert_eq!((ppo.environments, ppo.scores, mcpo.scores), (2, 3, 4));
         close(ppo.aggregates.mean.value, 0.2);
         close(mcpo.aggregates.mean.value, 0.7);
@@ -328,7 +426,11 @@ mod tests {
         close(ppo.below_base.expect("compared").value, (1.0 + 0.75) / 2.0);
         assert_eq!(mcpo.below_base, None);
         let above_half = data.profile.panels[0].curves[1].as_ref().expect("a curve");
-        let at_half = above_half.points.iter().find(|point| point.env_steps >= HALF).expect("it is on the axis");
+        let at_half = above_half
+            .points
+            .iter()
+            .find(|point| point.env_steps >= HALF)
+            .expect("it is on the axis");
         close(at_half.mean, 0.75);
     }
 
@@ -343,9 +445,15 @@ mod tests {
         all.push(fixture::mcpo("Hopper-v2", 1e-4, 1e-3, 2).failed("diverged"));
         let data = statistics(&all).expect("two environments");
         assert!((data.methods[0].aggregates.mean.value - (1.4 / 3.0 + 0.4) / 2.0).abs() < 1e-9);
-        assert_eq!((data.methods[0].environments, data.methods[0].scores), (2, 4));
+        assert_eq!(
+            (data.methods[0].environments, data.methods[0].scores),
+            (2, 4)
+        );
         let told = data.notes.join("\n");
         let left_out = "not every method here has a finished run there: HalfCheetah-v2.";
-        assert!(told.contains("Runs that failed have score 0: 1.") && told.contains(left_out), "{told}");
+        assert!(
+            told.contains("Runs that failed have score 0: 1.") && told.contains(left_out),
+            "{told}"
+        );
     }
 }

@@ -1,24 +1,28 @@
 //! Whether a printed value is reproduced.
 //!
-//! Owns the test of one cell and the correction over many. Knows nothing of runs or tables: it is given one value a seed. Start at
+//! Owns the test of one cell and the correction over many. Knows nothing of runs or tables: it is
+//! given one value a seed. Start at
 //! [`Comparison::new`] and [`settle`].
 //!
 //! # The verdict
 //!
-//! The paper prints the return of one policy, the best of five seeds', over 50 episodes. So what is compared is the **expected
-//! best of five** seeds, ours less the paper's; the paper's is known by that one draw alone. [`best_of`](crate::stats::best_of)
-//! derives the exact interval for it under two assumptions: seeds are normal, and the paper's deviate from each other as ours do
-//! (it does not print how they do; what it prints is the deviation over episodes, whose standard error is the least that its value
-//! can have, and where ours is less, the rest is added).
+//! The paper prints the return of one policy, the best of five seeds', over 50 episodes. So what is
+//! compared is the **expected best of five** seeds, ours less the paper's; the paper's is known by
+//! that one draw alone. [`best_of`](crate::stats::best_of) derives the exact interval for it under
+//! two assumptions: seeds are normal, and the paper's deviate from each other as ours do (it does
+//! not print how they do; what it prints is the deviation over episodes, whose standard error is
+//! the least that its value can have, and where ours is less, the rest is added).
 //!
-//! The margin is `reference.toml`'s share of the paper's Expert - Random in the environment. Two one-sided tests at 5 %
-//! (Schuirmann, 1987; Lakens, 2017), which is to say the 90 % interval, give **reproduced** where it lies within the margin.
-//! **Better** or **worse** is what lies beyond the margin: twice the smaller of the two p values, after Holm's correction over all
-//! cells of the report, is at most 5 %; so at most one report in twenty of perfect reproductions has such a cell. Everything else is
-//! **inconclusive**, with the number of seeds that would decide it if they went on like these; there may be none, since the paper's
-//! value stays one draw.
+//! The margin is `reference.toml`'s share of the paper's Expert - Random in the environment. Two
+//! one-sided tests at 5 % (Schuirmann, 1987; Lakens, 2017), which is to say the 90 % interval, give
+//! **reproduced** where it lies within the margin. **Better** or **worse** is what lies beyond the
+//! margin: twice the smaller of the two p values, after Holm's correction over all cells of the
+//! report, is at most 5 %; so at most one report in twenty of perfect reproductions has such a
+//! cell. Everything else is **inconclusive**, with the number of seeds that would decide it if they
+//! went on like these; there may be none, since the paper's value stays one draw.
 //!
-//! Runs that failed are counted a second time, each at the Random policy's return. A verdict holds where both ways give it.
+//! Runs that failed are counted a second time, each at the Random policy's return. A verdict holds
+//! where both ways give it.
 
 use crate::stats::{
     best_of::{PublishedBest, Samples, expected_best},
@@ -85,31 +89,65 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Compares seeds of these `values`, and `failed` ones beside them, with the paper's; `None` for fewer than two values.
+    /// Compares seeds of these `values`, and `failed` ones beside them, with the paper's; `None`
+    /// for fewer than two values.
     pub fn new(values: &[f64], failed: usize, paper: PaperValue, scale: Scale) -> Option<Self> {
         let worst = [values, &vec![scale.random; failed]].concat();
-        let counted = if failed > 0 { vec![values, &worst] } else { vec![values] };
-        let ways = counted.into_iter().map(Samples::of).collect::<Option<Vec<Samples>>>()?;
+        let counted = if failed > 0 {
+            vec![values, &worst]
+        } else {
+            vec![values]
+        };
+        let ways = counted
+            .into_iter()
+            .map(Samples::of)
+            .collect::<Option<Vec<Samples>>>()?;
         let printed = paper.std / PaperValue::EPISODES.sqrt();
-        let error = (printed.powi(2) - ways[0].deviation.powi(2)).max(0.0).sqrt();
-        let paper = PublishedBest { k: PaperValue::SEEDS as i32, value: paper.mean, error };
+        let error = (printed.powi(2) - ways[0].deviation.powi(2))
+            .max(0.0)
+            .sqrt();
+        let paper = PublishedBest {
+            k: PaperValue::SEEDS as i32,
+            value: paper.mean,
+            error,
+        };
         let (expected_best, margin) = (expected_best(values, PaperValue::SEEDS), scale.margin());
-        Some(Self { expected_best, margin, p: 1.0, paper, ways, failed })
+        Some(Self {
+            expected_best,
+            margin,
+            p: 1.0,
+            paper,
+            ways,
+            failed,
+        })
     }
 
     /// The difference's 90 % interval, over both ways to count runs that failed.
     pub fn interval(&self) -> (f64, f64) {
-        let intervals = self.ways.iter().map(|way| self.paper.interval(*way, 1.0 - 2.0 * ALPHA));
-        intervals.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), interval| {
-            (low.min(interval.0), high.max(interval.1))
-        })
+        let intervals = self
+            .ways
+            .iter()
+            .map(|way| self.paper.interval(*way, 1.0 - 2.0 * ALPHA));
+        intervals.fold(
+            (f64::INFINITY, f64::NEG_INFINITY),
+            |(low, high), interval| (low.min(interval.0), high.max(interval.1)),
+        )
     }
 
     /// The p value of better or worse for this cell alone, and which of both it is of.
     fn beyond(&self) -> (f64, Verdict) {
-        let greatest = |p: fn(&Self, Samples) -> f64| self.ways.iter().map(|way| p(self, *way)).fold(0.0, f64::max);
+        let greatest = |p: fn(&Self, Samples) -> f64| {
+            self.ways
+                .iter()
+                .map(|way| p(self, *way))
+                .fold(0.0, f64::max)
+        };
         let (worse, better) = (greatest(Self::not_worse), greatest(Self::not_better));
-        let (p, verdict) = if worse < better { (worse, Verdict::Worse) } else { (better, Verdict::Better) };
+        let (p, verdict) = if worse < better {
+            (worse, Verdict::Worse)
+        } else {
+            (better, Verdict::Better)
+        };
         ((2.0 * p).min(1.0), verdict)
     }
 
@@ -140,7 +178,11 @@ impl Comparison {
     }
 
     fn what_would_decide(&self, family: usize) -> String {
-        let ends: Vec<Option<(usize, Verdict)>> = self.ways.iter().map(|way| self.seeds_needed(*way, family)).collect();
+        let ends: Vec<Option<(usize, Verdict)>> = self
+            .ways
+            .iter()
+            .map(|way| self.seeds_needed(*way, family))
+            .collect();
         let Some(ends) = ends.into_iter().collect::<Option<Vec<(usize, Verdict)>>>() else {
             return "no number of seeds would decide: the paper's value is one draw".to_owned();
         };
@@ -153,7 +195,8 @@ impl Comparison {
         }
     }
 
-    /// How many seeds of the same mean and deviation would decide, and how; `None` where no number would.
+    /// How many seeds of the same mean and deviation would decide, and how; `None` where no number
+    /// would.
     fn seeds_needed(&self, ours: Samples, family: usize) -> Option<(usize, Verdict)> {
         let decided = |n: usize| {
             let (more, alpha) = (Samples { n, ..ours }, ALPHA / 2.0 / family as f64);
@@ -172,7 +215,11 @@ impl Comparison {
         }
         while enough - too_few > 1 {
             let middle = (too_few + enough) / 2;
-            let side = if decided(middle).is_some() { &mut enough } else { &mut too_few };
+            let side = if decided(middle).is_some() {
+                &mut enough
+            } else {
+                &mut too_few
+            };
             *side = middle;
         }
         Some((enough, verdict))
@@ -187,7 +234,10 @@ pub fn settle(cells: &mut [&mut Comparison]) -> Vec<Verdict> {
 
 fn correct(cells: &mut [&mut Comparison]) {
     let alone: Vec<f64> = cells.iter().map(|cell| cell.beyond().0).collect();
-    cells.iter_mut().zip(holm(&alone)).for_each(|(cell, p)| cell.p = p);
+    cells
+        .iter_mut()
+        .zip(holm(&alone))
+        .for_each(|(cell, p)| cell.p = p);
 }
 
 #[cfg(test)]
@@ -198,10 +248,14 @@ mod tests {
     use super::*;
 
     /// Expert - Random is 1000, so the margin is 100.
-    const SCALE: Scale = Scale { random: 0.0, distance: 1000.0 };
+    const SCALE: Scale = Scale {
+        random: 0.0,
+        distance: 1000.0,
+    };
 
     fn verdict(values: &[f64], failed: usize, mean: f64, std: f64) -> Verdict {
-        let mut cell = Comparison::new(values, failed, PaperValue { mean, std }, SCALE).expect("enough seeds");
+        let mut cell =
+            Comparison::new(values, failed, PaperValue { mean, std }, SCALE).expect("enough seeds");
         settle(&mut [&mut cell]).remove(0)
     }
 
@@ -213,9 +267,24 @@ mod tests {
         assert_eq!(verdict(&SEEDS, 0, 512.0, 10.0), Verdict::Reproduced);
         assert_eq!(verdict(&SEEDS, 0, 900.0, 10.0), Verdict::Worse);
         assert_eq!(verdict(&SEEDS, 0, 100.0, 10.0), Verdict::Better);
-        assert_eq!(verdict(&[1000.0; 5], 0, 1000.0, 0.0), Verdict::Reproduced, "both are exact");
+        assert_eq!(
+            verdict(&[1000.0; 5], 0, 1000.0, 0.0),
+            Verdict::Reproduced,
+            "both are exact"
+        );
         assert_eq!(verdict(&[1000.0; 5], 0, 850.0, 0.0), Verdict::Better);
-        assert_eq!(Comparison::new(&[1.0], 0, PaperValue { mean: 1.0, std: 0.0 }, SCALE), None);
+        assert_eq!(
+            Comparison::new(
+                &[1.0],
+                0,
+                PaperValue {
+                    mean: 1.0,
+                    std: 0.0
+                },
+                SCALE
+            ),
+            None
+        );
     }
 
     #[test]
@@ -226,11 +295,26 @@ mod tests {
         };
         let noisy: Vec<f64> = SEEDS.iter().map(|x| 500.0 + 6.0 * (x - 500.0)).collect();
         let told = reason(&noisy, 0, 570.0, 10.0);
-        let seeds: usize = told.strip_suffix(" seeds would decide").and_then(|n| n.parse().ok()).expect(&told);
+        let seeds: usize = told
+            .strip_suffix(" seeds would decide")
+            .and_then(|n| n.parse().ok())
+            .expect(&told);
         // That many seeds of this mean and deviation decide it, and one less do not.
-        let cell = Comparison::new(&noisy, 0, PaperValue { mean: 570.0, std: 10.0 }, SCALE).expect("enough seeds");
+        let cell = Comparison::new(
+            &noisy,
+            0,
+            PaperValue {
+                mean: 570.0,
+                std: 10.0,
+            },
+            SCALE,
+        )
+        .expect("enough seeds");
         let apart = |n| cell.not_within(Samples { n, ..cell.ways[0] });
-        assert!(seeds > 5 && apart(seeds) <= ALPHA && apart(seeds - 1) > ALPHA, "{told}");
+        assert!(
+            seeds > 5 && apart(seeds) <= ALPHA && apart(seeds - 1) > ALPHA,
+            "{told}"
+        );
 
         let wild: Vec<f64> = SEEDS.iter().map(|x| 500.0 + 30.0 * (x - 500.0)).collect();
         assert_eq!(
@@ -239,7 +323,10 @@ mod tests {
             "a deviation of 300 in the paper's draw is beyond a margin of 100"
         );
         // An error of 1000 / sqrt(50) = 141 in the paper's own value is too.
-        assert_eq!(reason(&SEEDS, 0, 512.0, 1000.0), "no number of seeds would decide: the paper's value is one draw");
+        assert_eq!(
+            reason(&SEEDS, 0, 512.0, 1000.0),
+            "no number of seeds would decide: the paper's value is one draw"
+        );
     }
 
     #[test]
@@ -248,25 +335,63 @@ mod tests {
         let told = verdict(&SEEDS, 2, 512.0, 10.0);
         assert!(matches!(told, Verdict::Inconclusive(_)), "{told:?}");
         let interval = |failed| {
-            Comparison::new(&SEEDS, failed, PaperValue { mean: 512.0, std: 10.0 }, SCALE).expect("enough").interval()
+            Comparison::new(
+                &SEEDS,
+                failed,
+                PaperValue {
+                    mean: 512.0,
+                    std: 10.0,
+                },
+                SCALE,
+            )
+            .expect("enough")
+            .interval()
         };
         let (without, with) = (interval(0), interval(2));
-        assert!(with.0 <= without.0 && with.1 > without.1 + 100.0, "{without:?} {with:?}");
+        assert!(
+            with.0 <= without.0 && with.1 > without.1 + 100.0,
+            "{without:?} {with:?}"
+        );
     }
 
     #[test]
     fn more_cells_need_more_evidence() {
-        let cell = || Comparison::new(&SEEDS, 0, PaperValue { mean: 660.0, std: 10.0 }, SCALE).expect("enough seeds");
+        let cell = || {
+            Comparison::new(
+                &SEEDS,
+                0,
+                PaperValue {
+                    mean: 660.0,
+                    std: 10.0,
+                },
+                SCALE,
+            )
+            .expect("enough seeds")
+        };
         let (mut alone, mut p) = (cell(), 0.0);
         assert_eq!(settle(&mut [&mut alone]), [Verdict::Worse]);
         for family in [1, 10, 50] {
             let mut others: Vec<Comparison> = (1..family)
-                .map(|_| Comparison::new(&SEEDS, 0, PaperValue { mean: 512.0, std: 10.0 }, SCALE).expect("enough"))
+                .map(|_| {
+                    Comparison::new(
+                        &SEEDS,
+                        0,
+                        PaperValue {
+                            mean: 512.0,
+                            std: 10.0,
+                        },
+                        SCALE,
+                    )
+                    .expect("enough")
+                })
                 .collect();
             let mut one = cell();
             let mut cells: Vec<&mut Comparison> = others.iter_mut().chain([&mut one]).collect();
             settle(&mut cells);
-            assert!((one.p - (family as f64 * alone.p).min(1.0)).abs() < 1e-12 && one.p > p, "{family}");
+            assert!(
+                (one.p - (family as f64 * alone.p).min(1.0)).abs() < 1e-12 && one.p > p,
+                "{family}"
+            );
             p = one.p;
         }
         assert!(p > ALPHA, "the same cell among fifty");

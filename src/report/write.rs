@@ -42,11 +42,12 @@ pub struct Written {
     pub state: String,
 }
 
-/// Makes the report of `spec`, or of the part of it that `scope` says, from what is recorded under `results`, and writes it to
-/// `results/<experiment>/report`, or beside it ([`Scope::folder`]). Files of an earlier report that this one has not are removed.
+/// Makes the report of `spec`, or of the part of it that `scope` says, from what is recorded under
+/// `results`, and writes it to `results/<experiment>/report`, or beside it ([`Scope::folder`]).
+/// Files of an earlier report that this one has not are removed.
 ///
-/// An experiment without figures or tables of its own gets learning curves and a table of all of its runs. A run that cannot be
-/// read is a failed one.
+/// An experiment without figures or tables of its own gets learning curves and a table of all of
+/// its runs. A run that cannot be read is a failed one.
 ///
 /// # Errors
 ///
@@ -66,7 +67,9 @@ pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Wri
 
     let judged = (!spec.claims.is_empty()).then(|| ClaimsData::new(&spec.claims, &runs));
     judged.iter().try_for_each(|claims| draft.claims(claims))?;
-    let asked = tables.iter().map(|table| (table, selected(&runs, table.only.as_ref())));
+    let asked = tables
+        .iter()
+        .map(|table| (table, selected(&runs, table.only.as_ref())));
     let made = TableData::of_report(&asked.collect::<Vec<_>>());
     for (table, data) in tables.iter().zip(&made) {
         draft.table(&table.name, data)?;
@@ -85,7 +88,11 @@ pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Wri
     if let Some(data) = &statistics {
         shown.push(draft.statistics(data)?);
     }
-    let Draft { mut files, body, unknown } = draft;
+    let Draft {
+        mut files,
+        body,
+        unknown,
+    } = draft;
     let mut state = vec![finished(&runs, count, &untouched)];
     state.extend(scope.heading());
     state.extend(remarks);
@@ -104,20 +111,37 @@ pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Wri
         state: &state,
         runs: &runs,
         claims: judged.as_ref(),
-        tables: tables.iter().map(|table| table.name.as_str()).zip(&made).collect(),
+        tables: tables
+            .iter()
+            .map(|table| table.name.as_str())
+            .zip(&made)
+            .collect(),
         settings,
         statistics: statistics.as_ref(),
         figures: shown,
     };
     files.write("index", "html", page::html(&contents).as_bytes())?;
-    let lines: String = state[1..].iter().map(|line| format!("- {}\n", escape::markdown(line))).collect();
+    let lines: String = state[1..]
+        .iter()
+        .map(|line| format!("- {}\n", escape::markdown(line)))
+        .collect();
     let first = escape::markdown(&state[0]);
     let (name, description) = (&spec.name, escape::markdown(&spec.description));
     let page = format!("# {name}\n\n{description}\n\n{first}\n\n{lines}{body}");
     files.write("README", "md", page.as_bytes())?;
     files.close()?;
-    let open = count - runs.iter().filter(|run| !matches!(run.state, State::Missing)).count();
-    Ok(Written { files: files.written, tables: made, claims: judged, open, state: state.join("\n- ") })
+    let open = count
+        - runs
+            .iter()
+            .filter(|run| !matches!(run.state, State::Missing))
+            .count();
+    Ok(Written {
+        files: files.written,
+        tables: made,
+        claims: judged,
+        open,
+        state: state.join("\n- "),
+    })
 }
 
 /// The folder of `spec` under `results`, its runs, and those of them that `scope` means.
@@ -133,14 +157,21 @@ pub fn planned(
     let whole = plan::plan(spec)?;
     let home = record::experiment_folder(results, &spec.name)?;
     if !home.join("runs").is_dir() {
-        return Err(ReportError::NothingRecorded { experiment: spec.name.clone(), results: results.to_owned() });
+        return Err(ReportError::NothingRecorded {
+            experiment: spec.name.clone(),
+            results: results.to_owned(),
+        });
     }
     let mut plan = whole.clone();
     if let Some(selection) = scope.selection()? {
         plan.retain(|run| selection.matches(run));
         if plan.is_empty() {
             let (runs, only) = (whole.len(), scope.only.join(","));
-            return Err(ReportError::NoneMatch { experiment: spec.name.clone(), runs, only });
+            return Err(ReportError::NoneMatch {
+                experiment: spec.name.clone(),
+                runs,
+                only,
+            });
         }
     }
     Ok((home, whole, plan))
@@ -160,14 +191,26 @@ pub fn figures(spec: &ExperimentSpec) -> Vec<Figure> {
 
 /// The looks of the file's series: seeds apart, which have none.
 pub fn identities(plan: &[RunSpec]) -> Identities {
-    let cells: BTreeMap<&str, &RunSpec> =
-        plan.iter().map(|run| (run.id.rsplit_once('/').map_or(run.id.as_str(), |(cell, _)| cell), run)).collect();
-    let runs: Vec<Run> = cells.into_values().map(|run| Run::new(run.clone(), State::Missing)).collect();
+    let cells: BTreeMap<&str, &RunSpec> = plan
+        .iter()
+        .map(|run| {
+            (
+                run.id
+                    .rsplit_once('/')
+                    .map_or(run.id.as_str(), |(cell, _)| cell),
+                run,
+            )
+        })
+        .collect();
+    let runs: Vec<Run> = cells
+        .into_values()
+        .map(|run| Run::new(run.clone(), State::Missing))
+        .collect();
     Identities::new(&runs.iter().collect::<Vec<_>>())
 }
 
-/// The tables of an experiment; where it has neither figures nor tables, one of all `runs`: algorithms as columns, and as rows
-/// the environments and whatever else varies.
+/// The tables of an experiment; where it has neither figures nor tables, one of all `runs`:
+/// algorithms as columns, and as rows the environments and whatever else varies.
 fn tables(spec: &ExperimentSpec, runs: &[Run]) -> Vec<Table> {
     if !(spec.figures.is_empty() && spec.tables.is_empty()) {
         return spec.tables.clone();
@@ -186,14 +229,20 @@ fn tables(spec: &ExperimentSpec, runs: &[Run]) -> Vec<Table> {
 
 /// The runs that `only` means; all where it is absent.
 pub fn selected<'a>(runs: &'a [Run], only: Option<&Selection>) -> Vec<&'a Run> {
-    runs.iter().filter(|run| only.is_none_or(|selection| run.is_in(selection))).collect()
+    runs.iter()
+        .filter(|run| only.is_none_or(|selection| run.is_in(selection)))
+        .collect()
 }
 
-/// Takes away the environments of which no run has ended, unless that is so of all, and names them: who asked for one
-/// environment alone gets no empty rows and panels of the others.
+/// Takes away the environments of which no run has ended, unless that is so of all, and names them:
+/// who asked for one environment alone gets no empty rows and panels of the others.
 fn leave_out_untouched(runs: &mut Vec<Run>) -> Vec<&'static str> {
     let ended = |run: &Run| !matches!(run.state, State::Missing) || run.under_way.is_some();
-    let touched: BTreeSet<EnvId> = runs.iter().filter(|run| ended(run)).map(|run| run.spec.env).collect();
+    let touched: BTreeSet<EnvId> = runs
+        .iter()
+        .filter(|run| ended(run))
+        .map(|run| run.spec.env)
+        .collect();
     if touched.is_empty() {
         return Vec::new();
     }
@@ -208,12 +257,16 @@ fn leave_out_untouched(runs: &mut Vec<Run>) -> Vec<&'static str> {
     untouched
 }
 
-/// `12 of 35 runs finished.`, with how many were recorded otherwise, and of which environments none has ended.
+/// `12 of 35 runs finished.`, with how many were recorded otherwise, and of which environments none
+/// has ended.
 fn finished(runs: &[Run], planned: usize, untouched: &[&str]) -> String {
     let counts = notes::finished(runs.iter(), planned);
     match untouched {
         [] => counts,
-        names => format!("{counts} Left out, since no run of theirs has ended: {}.", names.join(", ")),
+        names => format!(
+            "{counts} Left out, since no run of theirs has ended: {}.",
+            names.join(", ")
+        ),
     }
 }
 
@@ -226,7 +279,11 @@ fn left_out(runs: &[Run]) -> Vec<String> {
         }
     }
     let line = |(changes, ids): (&[String], Vec<String>)| {
-        format!("left out, recorded with {}: {}", changes.join("; "), notes::listed(&ids))
+        format!(
+            "left out, recorded with {}: {}",
+            changes.join("; "),
+            notes::listed(&ids)
+        )
     };
     groups.into_iter().map(line).collect()
 }
@@ -234,7 +291,9 @@ fn left_out(runs: &[Run]) -> Vec<String> {
 /// A line for each run that failed.
 fn failed(runs: &[Run]) -> impl Iterator<Item = String> {
     runs.iter().filter_map(|run| match &run.state {
-        State::Failed { error } => Some(format!("{} failed: {}", run.spec.id, escape::plain(error))),
+        State::Failed { error } => {
+            Some(format!("{} failed: {}", run.spec.id, escape::plain(error)))
+        }
         State::Missing | State::Differs { .. } | State::Finished(_) => None,
     })
 }

@@ -1,4 +1,5 @@
-//! The queue: starts what is due, longest first, hears what the workers tell, and records what they could not.
+//! The queue: starts what is due, longest first, hears what the workers tell, and records what they
+//! could not.
 
 use std::{
     collections::{BTreeMap, VecDeque},
@@ -20,7 +21,8 @@ use crate::record::Claim;
 
 /// The pause between two looks at everything.
 const TICK: Duration = Duration::from_millis(100);
-/// A longer pause was none of the loop's: the program itself stood still, stopped by Ctrl-Z or with the whole machine.
+/// A longer pause was none of the loop's: the program itself stood still, stopped by Ctrl-Z or with
+/// the whole machine.
 const STOOD_STILL: Duration = Duration::from_secs(1);
 /// The pause between two looks at the runs of other processes.
 const LOOK_AROUND: Duration = Duration::from_secs(1);
@@ -30,8 +32,8 @@ const LOOK_AROUND: Duration = Duration::from_secs(1);
 pub struct Options {
     /// Runs at a time.
     pub jobs: usize,
-    /// Threads that share a run's work. `None`: one, and the places of `jobs` that no run will take are shared among those
-    /// that start last.
+    /// Threads that share a run's work. `None`: one, and the places of `jobs` that no run will take
+    /// are shared among those that start last.
     pub threads: Option<usize>,
     /// How often a run that failed is tried again, each time from its last checkpoint.
     pub retries: u32,
@@ -68,7 +70,11 @@ pub fn run(
 ) -> Summary {
     let mut queue: Vec<usize> = (0..due.len()).collect();
     // Longest first, so that no long run is left alone at the end; the plan's order among equals.
-    queue.sort_by(|&a, &b| costs.seconds(&due[b].spec).total_cmp(&costs.seconds(&due[a].spec)));
+    queue.sort_by(|&a, &b| {
+        costs
+            .seconds(&due[b].spec)
+            .total_cmp(&costs.seconds(&due[a].spec))
+    });
     let campaign = Campaign {
         due,
         results,
@@ -139,8 +145,13 @@ struct Worker {
 impl Worker {
     /// What is told of one that has finished.
     fn finished(&self) -> String {
-        let mean = self.last_return.map_or_else(String::new, |mean| format!(", return {mean:.1}"));
-        format!("finished in {}{mean}", clock(self.began.elapsed().as_secs_f64()))
+        let mean = self
+            .last_return
+            .map_or_else(String::new, |mean| format!(", return {mean:.1}"));
+        format!(
+            "finished in {}{mean}",
+            clock(self.began.elapsed().as_secs_f64())
+        )
     }
 }
 
@@ -149,10 +160,14 @@ impl Campaign<'_> {
         loop {
             if stop.is_made() && !self.summary.interrupted {
                 self.summary.interrupted = true;
-                self.stop("stopping: the runs under way write a checkpoint; once more to leave at once");
+                self.stop(
+                    "stopping: the runs under way write a checkpoint; once more to leave at once",
+                );
             }
             while !self.stopping && self.running.len() < self.options.jobs {
-                let Some(number) = self.queue.pop_front() else { break };
+                let Some(number) = self.queue.pop_front() else {
+                    break;
+                };
                 self.start(number);
             }
             let nothing_waits = self.stopping || self.queue.is_empty() && self.elsewhere.is_empty();
@@ -185,10 +200,20 @@ impl Campaign<'_> {
 
     fn start(&mut self, number: usize) {
         let run = &self.due[number];
-        let Options { jobs, threads, verbose, .. } = self.options;
+        let Options {
+            jobs,
+            threads,
+            verbose,
+            ..
+        } = self.options;
         let left = self.running.len() + 1 + self.queue.len();
         let threads = threads.unwrap_or((jobs / left).max(1));
-        let job = Job { results: self.results.into(), stamp: run.stamp.clone(), verbose, threads };
+        let job = Job {
+            results: self.results.into(),
+            stamp: run.stamp.clone(),
+            verbose,
+            threads,
+        };
         match self.executor.start(number, &job) {
             Ok(()) => {
                 let worker = Worker {
@@ -205,45 +230,69 @@ impl Campaign<'_> {
                 self.options.jobs = self.running.len();
                 self.queue.push_front(number);
                 let jobs = self.options.jobs;
-                self.progress.complain(&format!("no more than {jobs} at a time from here on: {error}"));
+                self.progress.complain(&format!(
+                    "no more than {jobs} at a time from here on: {error}"
+                ));
             }
-            Err(error) => self.fail(number, None, &format!("cannot start a process for it: {error}"), &[]),
+            Err(error) => self.fail(
+                number,
+                None,
+                &format!("cannot start a process for it: {error}"),
+                &[],
+            ),
         }
     }
 
     fn hear(&mut self, number: usize, event: Event) {
-        let Some(worker) = self.running.get_mut(&number) else { return };
+        let Some(worker) = self.running.get_mut(&number) else {
+            return;
+        };
         worker.silent = Duration::ZERO;
         match event {
             Event::Began { from_env_steps } => {
                 worker.env_steps = Some(from_env_steps);
                 let spec = &self.due[number].spec;
                 let (budget, seconds) = (spec.budget.env_steps.get(), self.costs.seconds(spec));
-                self.progress.begin(number, &spec.id, from_env_steps, budget, seconds);
+                self.progress
+                    .begin(number, &spec.id, from_env_steps, budget, seconds);
             }
-            Event::Iteration { env_steps, training_return } => {
+            Event::Iteration {
+                env_steps,
+                training_return,
+            } => {
                 worker.env_steps = Some(env_steps);
                 self.progress.iteration(number, env_steps, training_return);
             }
-            Event::Evaluation { env_steps, dense_return, last } => {
+            Event::Evaluation {
+                env_steps,
+                dense_return,
+                last,
+            } => {
                 worker.last_return = last.then_some(dense_return);
                 self.progress.evaluation(number, env_steps, dense_return);
             }
-            Event::Warned { text } => self.progress.complain(&format!("{}: {text}", self.due[number].spec.id)),
+            Event::Warned { text } => self
+                .progress
+                .complain(&format!("{}: {text}", self.due[number].spec.id)),
             Event::Alive => {}
             verdict => worker.verdict = Some(verdict),
         }
     }
 
     fn end(&mut self, number: usize, how: &str, stderr: &[String]) {
-        let Some(worker) = self.running.remove(&number) else { return };
+        let Some(worker) = self.running.remove(&number) else {
+            return;
+        };
         match &worker.verdict {
             Some(Event::Finished) => self.finish(number, &worker.finished()),
             Some(Event::Stopped) => {
                 self.progress.leave(number);
                 if !self.stopping {
                     // Somebody stopped this one alone, who will know why.
-                    self.progress.complain(&format!("{}: stopped from outside", self.due[number].spec.id));
+                    self.progress.complain(&format!(
+                        "{}: stopped from outside",
+                        self.due[number].spec.id
+                    ));
                 }
             }
             Some(Event::Claimed) => self.leave(number),
@@ -255,7 +304,10 @@ impl Campaign<'_> {
             },
             _ => {
                 let cause = if worker.hung {
-                    format!("no progress for {} s, then killed", self.options.hang_timeout.as_secs())
+                    format!(
+                        "no progress for {} s, then killed",
+                        self.options.hang_timeout.as_secs()
+                    )
                 } else {
                     failure::cause(how, stderr)
                 };
@@ -268,48 +320,73 @@ impl Campaign<'_> {
     fn finish(&mut self, number: usize, how: &str) {
         self.summary.finished += 1;
         self.show_end(number);
-        self.progress.say(&format!("{}: {how}", self.due[number].spec.id));
+        self.progress
+            .say(&format!("{}: {how}", self.due[number].spec.id));
     }
 
     fn show_end(&mut self, number: usize) {
-        self.progress.end(number, self.costs.seconds(&self.due[number].spec));
+        self.progress
+            .end(number, self.costs.seconds(&self.due[number].spec));
     }
 
     /// Leaves a run to the process that has taken it up.
     fn leave(&mut self, number: usize) {
         self.progress.leave(number);
-        self.progress.say(&format!("{}: another process works on it", self.due[number].spec.id));
+        self.progress.say(&format!(
+            "{}: another process works on it",
+            self.due[number].spec.id
+        ));
         self.elsewhere.push(number);
     }
 
-    /// Records a failure, and tries again where that is wanted. `worker` is absent where no process could be started.
+    /// Records a failure, and tries again where that is wanted. `worker` is absent where no process
+    /// could be started.
     fn fail(&mut self, number: usize, worker: Option<&Worker>, error: &str, stderr: &[String]) {
         let run = &self.due[number];
         let again = !self.stopping && self.failures[number] < self.options.retries;
-        let kept = failure::record(run, error, stderr, worker.and_then(|worker| worker.env_steps), !again);
+        let kept = failure::record(
+            run,
+            error,
+            stderr,
+            worker.and_then(|worker| worker.env_steps),
+            !again,
+        );
         match kept {
             // Its process died between the last record and its last word.
             Ok(Found::Finished) => {
-                let here = worker.map(|worker| format!("{}; after that: {error}", worker.finished()));
-                return self.finish(number, here.as_deref().unwrap_or("finished by another process"));
+                let here =
+                    worker.map(|worker| format!("{}; after that: {error}", worker.finished()));
+                return self.finish(
+                    number,
+                    here.as_deref().unwrap_or("finished by another process"),
+                );
             }
             Ok(Found::TakenUp) => return self.leave(number),
             Ok(Found::Failed) | Err(_) => {}
         }
         if let Err(refused) = kept {
-            self.progress.complain(&format!("{}: the failure cannot be recorded: {refused}", run.spec.id));
+            self.progress.complain(&format!(
+                "{}: the failure cannot be recorded: {refused}",
+                run.spec.id
+            ));
         }
         self.failures[number] += 1;
         if again {
             self.progress.leave(number);
             let (failed, retries) = (self.failures[number], self.options.retries);
-            self.progress.complain(&format!("{}: {error}; trying again ({failed} of {retries})", run.spec.id));
+            self.progress.complain(&format!(
+                "{}: {error}; trying again ({failed} of {retries})",
+                run.spec.id
+            ));
             self.queue.push_front(number);
             return;
         }
         self.show_end(number);
-        self.progress.complain(&format!("{}: failed: {error}", run.spec.id));
-        self.summary.failed.push((run.spec.id.clone(), error.to_owned()));
+        self.progress
+            .complain(&format!("{}: failed: {error}", run.spec.id));
+        self.summary
+            .failed
+            .push((run.spec.id.clone(), error.to_owned()));
         if self.options.fail_fast && !self.stopping {
             self.stop("stopping after the first failure: the other runs write a checkpoint");
         }
@@ -331,7 +408,9 @@ impl Campaign<'_> {
     /// Lets a run wait, behind those that will take as long or longer.
     fn queue_up(&mut self, number: usize) {
         let seconds = |number: usize| self.costs.seconds(&self.due[number].spec);
-        let place = self.queue.partition_point(|&waiting| seconds(waiting) >= seconds(number));
+        let place = self
+            .queue
+            .partition_point(|&waiting| seconds(waiting) >= seconds(number));
         self.queue.insert(place, number);
     }
 
@@ -353,7 +432,10 @@ impl Campaign<'_> {
                 Ok(RunState::Failed(manifest)) => {
                     let error = manifest.error().unwrap_or("it did not end").to_owned();
                     self.show_end(number);
-                    self.progress.complain(&format!("{}: failed in another process: {error}", run.spec.id));
+                    self.progress.complain(&format!(
+                        "{}: failed in another process: {error}",
+                        run.spec.id
+                    ));
                     self.summary.failed.push((run.spec.id.clone(), error));
                 }
                 _ => self.queue_up(number),

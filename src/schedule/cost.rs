@@ -1,4 +1,5 @@
-//! How long a run will take: from recorded speeds where there are any, else from the costs of physics and networks.
+//! How long a run will take: from recorded speeds where there are any, else from the costs of
+//! physics and networks.
 
 use std::collections::BTreeMap;
 
@@ -16,7 +17,11 @@ impl CostModel {
     pub fn learn(&mut self, spec: &RunSpec, manifest: &Manifest) {
         let (seconds, work) = self.recorded.entry(key(spec)).or_default();
         *seconds += manifest.seconds;
-        *work += if !spec.algorithm.trains() { 1 } else { manifest.env_steps };
+        *work += if !spec.algorithm.trains() {
+            1
+        } else {
+            manifest.env_steps
+        };
     }
 
     /// The expected seconds of `spec` in one process on one core.
@@ -26,7 +31,11 @@ impl CostModel {
             Some(&(seconds, runs)) if !spec.algorithm.trains() => seconds / runs as f64,
             Some(&(seconds, recorded)) if recorded > 0 => steps * seconds / recorded as f64,
             _ if !spec.algorithm.trains() => {
-                let longest = spec.evaluation.final_episodes.get().saturating_mul(spec.max_steps);
+                let longest = spec
+                    .evaluation
+                    .final_episodes
+                    .get()
+                    .saturating_mul(spec.max_steps);
                 longest as f64 * spec.env.physics_seconds()
             }
             _ => steps * (spec.env.physics_seconds() + network_seconds(spec)),
@@ -40,7 +49,12 @@ fn key(spec: &RunSpec) -> (EnvId, String) {
 
 /// Seconds that the networks take for one environment step.
 fn network_seconds(spec: &RunSpec) -> f64 {
-    let hidden: Vec<f64> = spec.network.hidden.iter().map(|width| width.get() as f64).collect();
+    let hidden: Vec<f64> = spec
+        .network
+        .hidden
+        .iter()
+        .map(|width| width.get() as f64)
+        .collect();
     let inside: f64 = hidden.windows(2).map(|pair| pair[0] * pair[1]).sum();
     let outside = 20.0 * hidden.iter().sum::<f64>(); // an input and an output of some 20 numbers
     let operations = 2.0 * (inside + outside) * spec.algorithm.about().passes;
@@ -64,16 +78,34 @@ mod tests {
         let mut manifest = Manifest::new(planned(std::path::Path::new("r"), "a", 0).stamp);
         (manifest.seconds, manifest.env_steps) = (100.0, spec.budget.env_steps.get() / 2);
         model.learn(&spec, &manifest);
-        assert!((model.seconds(&spec) - 200.0).abs() < 1e-9, "{}", model.seconds(&spec));
-        let elsewhere = RunSpec { env: EnvId::Ant, ..spec.clone() };
-        assert_eq!(model.seconds(&elsewhere), CostModel::default().seconds(&elsewhere));
+        assert!(
+            (model.seconds(&spec) - 200.0).abs() < 1e-9,
+            "{}",
+            model.seconds(&spec)
+        );
+        let elsewhere = RunSpec {
+            env: EnvId::Ant,
+            ..spec.clone()
+        };
+        assert_eq!(
+            model.seconds(&elsewhere),
+            CostModel::default().seconds(&elsewhere)
+        );
     }
 
     #[test]
     fn the_heavier_task_is_expected_to_take_longer() {
         let model = CostModel::default();
-        let on = |env| model.seconds(&RunSpec { env, ..spec("a", 0) });
-        assert!(on(EnvId::Ant) > on(EnvId::HalfCheetah) && on(EnvId::HalfCheetah) > on(EnvId::MountainCar));
+        let on = |env| {
+            model.seconds(&RunSpec {
+                env,
+                ..spec("a", 0)
+            })
+        };
+        assert!(
+            on(EnvId::Ant) > on(EnvId::HalfCheetah)
+                && on(EnvId::HalfCheetah) > on(EnvId::MountainCar)
+        );
     }
 
     #[test]
@@ -87,7 +119,11 @@ mod tests {
                 spec
             };
             assert!(model.seconds(&of(1024)) > 0.0);
-            assert_eq!(model.seconds(&of(1024)), model.seconds(&of(1 << 30)), "{algorithm}");
+            assert_eq!(
+                model.seconds(&of(1024)),
+                model.seconds(&of(1 << 30)),
+                "{algorithm}"
+            );
             let mut manifest = Manifest::new(planned(std::path::Path::new("r"), "a", 0).stamp);
             manifest.seconds = 3.0;
             model.learn(&of(1024), &manifest);

@@ -1,7 +1,8 @@
 //! An element of a submission: a small campaign of its own, wherever a cluster starts it.
 //!
-//! Its job comes from the frozen plan and what it tells goes to the runs' own files and to the cluster's log: there is nobody
-//! to listen. Its runs are processes of their own under it, so that one that dies is recorded with its cause, whatever kills it.
+//! Its job comes from the frozen plan and what it tells goes to the runs' own files and to the
+//! cluster's log: there is nobody to listen. Its runs are processes of their own under it, so that
+//! one that dies is recorded with its cause, whatever kills it.
 
 use std::{
     env, io,
@@ -61,13 +62,18 @@ pub struct Ended {
 /// Whatever stands in the way of beginning.
 pub fn run(plan: &Path, index: usize, stop: &StopRequest) -> Result<Ended, ElementError> {
     let (submission, planned) = Submission::element(plan, index)?;
-    // Else what is relative would be looked for where a cluster starts programs when the folder is missing.
-    env::set_current_dir(&submission.folder)
-        .map_err(|source| ElementError::Folder { folder: PathBuf::from(&submission.folder), source })?;
+    // Else what is relative would be looked for where a cluster starts programs when the folder is
+    // missing.
+    env::set_current_dir(&submission.folder).map_err(|source| ElementError::Folder {
+        folder: PathBuf::from(&submission.folder),
+        source,
+    })?;
     let states = preflight::prepare(&planned, submission.results.as_ref(), false)?;
     let pairs = planned.iter().zip(&states);
-    let due: Vec<Planned> =
-        pairs.filter(|(_, state)| !matches!(state, RunState::Finished(_))).map(|(run, _)| run.clone()).collect();
+    let due: Vec<Planned> = pairs
+        .filter(|(_, state)| !matches!(state, RunState::Finished(_)))
+        .map(|(run, _)| run.clone())
+        .collect();
     let before = steps_done(&due);
     let options = Options {
         jobs: cores().unwrap_or(submission.cpus),
@@ -82,14 +88,23 @@ pub fn run(plan: &Path, index: usize, stop: &StopRequest) -> Result<Ended, Eleme
     let mut progress = Progress::new(Style::choose(false), submission.verbose, due.len(), seconds);
     let results = submission.results.as_ref();
     let summary = local::run(&due, results, options, &costs, stop, &mut progress)?;
-    Ok(Ended { is_farther: steps_done(&due) > before, summary })
+    Ok(Ended {
+        is_farther: steps_done(&due) > before,
+        summary,
+    })
 }
 
 /// The cores that the cluster gave this element; absent where it does not say.
 fn cores() -> Option<usize> {
-    env::var("SLURM_CPUS_PER_TASK").ok()?.parse().ok().filter(|&cores| cores > 0)
+    env::var("SLURM_CPUS_PER_TASK")
+        .ok()?
+        .parse()
+        .ok()
+        .filter(|&cores| cores > 0)
 }
 
 fn steps_done(runs: &[Planned]) -> u64 {
-    runs.iter().filter_map(|run| Some(run.state().ok()?.steps_done())).sum()
+    runs.iter()
+        .filter_map(|run| Some(run.state().ok()?.steps_done()))
+        .sum()
 }

@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::record::Stamp;
 
-/// What a worker is to do; the only line that it reads. When its stdin ends, it writes a checkpoint and leaves: so a worker
-/// whose parent dies, however it dies, stops too.
+/// What a worker is to do; the only line that it reads. When its stdin ends, it writes a checkpoint
+/// and leaves: so a worker whose parent dies, however it dies, stops too.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Job {
     /// The folder of all results, whose name need not be text.
@@ -39,7 +39,8 @@ pub enum Event {
         /// Mean training return of the episodes that ended in it.
         training_return: Option<f64>,
     },
-    /// It works, though no iteration ended: it evaluates, learns from the demonstration, or waits for another run that does.
+    /// It works, though no iteration ended: it evaluates, learns from the demonstration, or waits
+    /// for another run that does.
     Alive,
     /// An evaluation ended.
     Evaluation {
@@ -85,9 +86,14 @@ pub enum Message {
 impl Event {
     /// Tells it to the program that started this worker; gives whether anybody listens.
     pub(super) fn tell(&self) -> bool {
-        let Ok(mut line) = serde_json::to_vec(self) else { return false };
+        let Ok(mut line) = serde_json::to_vec(self) else {
+            return false;
+        };
         line.push(b'\n');
         let mut stdout = io::stdout().lock();
-        stdout.write_all(&line).and_then(|()| stdout.flush()).is_ok()
+        stdout
+            .write_all(&line)
+            .and_then(|()| stdout.flush())
+            .is_ok()
     }
 }

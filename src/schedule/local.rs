@@ -20,7 +20,8 @@ use super::{
     stop::StopRequest,
 };
 
-/// On Linux, the program that runs: that very one, when its file has been replaced or removed meanwhile.
+/// On Linux, the program that runs: that very one, when its file has been replaced or removed
+/// meanwhile.
 const THIS_PROGRAM: &str = "/proc/self/exe";
 /// The lines of stderr that are kept of each process.
 const STDERR_LINES: usize = 40;
@@ -40,7 +41,15 @@ pub fn run(
     stop: &StopRequest,
     progress: &mut Progress,
 ) -> io::Result<Summary> {
-    Ok(campaign::run(due, results, options, costs, &mut LocalProcesses::new()?, stop, progress))
+    Ok(campaign::run(
+        due,
+        results,
+        options,
+        costs,
+        &mut LocalProcesses::new()?,
+        stop,
+        progress,
+    ))
 }
 
 /// One process a job.
@@ -67,25 +76,48 @@ enum Told {
 }
 
 impl LocalProcesses {
-    /// Processes of this very program, also when another is built under way: what computes a run is what its stamp says.
-    /// Systems other than Linux start what they find in the program's file.
+    /// Processes of this very program, also when another is built under way: what computes a run is
+    /// what its stamp says. Systems other than Linux start what they find in the program's file.
     ///
-    /// Errors: its file is gone.
+    /// # Errors
+    ///
+    /// Its file is gone.
     fn new() -> io::Result<Self> {
         let (sender, receiver) = mpsc::channel();
         let this = Path::new(THIS_PROGRAM);
-        let program = if this.exists() { this.to_owned() } else { std::env::current_exe()? };
-        Ok(Self { program, processes: BTreeMap::new(), sender, receiver })
+        let program = if this.exists() {
+            this.to_owned()
+        } else {
+            std::env::current_exe()?
+        };
+        Ok(Self {
+            program,
+            processes: BTreeMap::new(),
+            sender,
+            receiver,
+        })
     }
 
     /// A process that has ended since the last look.
     fn reap(&mut self) -> Option<(usize, Message)> {
-        let ended = self.processes.iter_mut().filter(|(_, process)| process.silent).find_map(|(&number, process)| {
-            let status = process.child.try_wait().transpose()?;
-            Some((number, status.map_or_else(|error| format!("lost: {error}"), describe)))
-        });
+        let ended = self
+            .processes
+            .iter_mut()
+            .filter(|(_, process)| process.silent)
+            .find_map(|(&number, process)| {
+                let status = process.child.try_wait().transpose()?;
+                Some((
+                    number,
+                    status.map_or_else(|error| format!("lost: {error}"), describe),
+                ))
+            });
         let (number, how) = ended?;
-        let stderr = self.processes.remove(&number)?.stderr.join().unwrap_or_default();
+        let stderr = self
+            .processes
+            .remove(&number)?
+            .stderr
+            .join()
+            .unwrap_or_default();
         Some((number, Message::Exited { how, stderr }))
     }
 }
@@ -97,9 +129,14 @@ impl Executor for LocalProcesses {
         let mut command = Command::new(&self.program);
         #[cfg(unix)]
         std::os::unix::process::CommandExt::arg0(&mut command, env!("CARGO_PKG_NAME"));
-        let mut child =
-            command.arg("worker").stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn()?;
-        let (Some(stdin), Some(stdout), Some(stderr)) = (&mut child.stdin, child.stdout.take(), child.stderr.take())
+        let mut child = command
+            .arg("worker")
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()?;
+        let (Some(stdin), Some(stdout), Some(stderr)) =
+            (&mut child.stdin, child.stdout.take(), child.stderr.take())
         else {
             unreachable!("all three pipes were asked for")
         };
@@ -117,7 +154,14 @@ impl Executor for LocalProcesses {
         };
         // A worker that is dead already shows it by its exit.
         let _ = stdin.write_all(&line).and_then(|()| stdin.flush());
-        self.processes.insert(number, Process { child, stderr, silent: false });
+        self.processes.insert(
+            number,
+            Process {
+                child,
+                stderr,
+                silent: false,
+            },
+        );
         Ok(())
     }
 
@@ -127,7 +171,9 @@ impl Executor for LocalProcesses {
             if let Some(message) = self.reap() {
                 return Some(message);
             }
-            let pause = until.saturating_duration_since(Instant::now()).min(Duration::from_millis(20));
+            let pause = until
+                .saturating_duration_since(Instant::now())
+                .min(Duration::from_millis(20));
             match self.receiver.recv_timeout(pause) {
                 Ok((number, Told::Event(event))) => return Some((number, Message::Event(event))),
                 Ok((number, Told::End)) => {
@@ -158,7 +204,9 @@ impl Executor for LocalProcesses {
 fn pass_on(number: usize, stdout: impl Read, sender: &Sender<(usize, Told)>) {
     for line in BufReader::new(stdout).split(b'\n').map_while(Result::ok) {
         // The physics engine may print too: what is no event is no message.
-        let Ok(event) = serde_json::from_slice(&line) else { continue };
+        let Ok(event) = serde_json::from_slice(&line) else {
+            continue;
+        };
         if sender.send((number, Told::Event(event))).is_err() {
             return;
         }
@@ -182,7 +230,11 @@ pub fn physical_cores() -> usize {
         })
         .collect();
     // Where the system does not say, and where fewer threads than cores are ours, threads count.
-    if cores.is_empty() { threads } else { cores.len().min(threads) }
+    if cores.is_empty() {
+        threads
+    } else {
+        cores.len().min(threads)
+    }
 }
 
 /// The last lines of a stream, read to its end.
@@ -191,7 +243,12 @@ fn last_lines(stream: impl Read) -> Vec<String> {
     let mut reader = BufReader::new(stream);
     let mut line = Vec::new();
     // A line without end must not fill the memory: what is longer comes in pieces.
-    while reader.by_ref().take(STDERR_WIDTH as u64).read_until(b'\n', &mut line).is_ok_and(|read| read > 0) {
+    while reader
+        .by_ref()
+        .take(STDERR_WIDTH as u64)
+        .read_until(b'\n', &mut line)
+        .is_ok_and(|read| read > 0)
+    {
         if lines.len() == STDERR_LINES {
             lines.pop_front();
         }
@@ -206,7 +263,11 @@ fn describe(status: ExitStatus) -> String {
     #[cfg(unix)]
     if let Some(signal) = std::os::unix::process::ExitStatusExt::signal(&status) {
         let name = signal_hook::low_level::signal_name(signal).unwrap_or("an unknown signal");
-        let hint = if name == "SIGKILL" { "; the system does this when memory runs out" } else { "" };
+        let hint = if name == "SIGKILL" {
+            "; the system does this when memory runs out"
+        } else {
+            ""
+        };
         return format!("killed by signal {signal} ({name}{hint})");
     }
     match status.code() {
@@ -224,9 +285,16 @@ mod tests {
     fn only_the_last_lines_are_kept_however_long_they_are() {
         let many: String = (0..100).map(|n| format!("line {n}\n")).collect();
         let kept = last_lines(many.as_bytes());
-        assert_eq!((kept.len(), kept[0].as_str(), kept[39].as_str()), (40, "line 60", "line 99"));
+        assert_eq!(
+            (kept.len(), kept[0].as_str(), kept[39].as_str()),
+            (40, "line 60", "line 99")
+        );
         let endless = vec![b'x'; 1_000_000];
-        assert!(last_lines(endless.as_slice()).iter().all(|line| line.len() <= STDERR_WIDTH));
+        assert!(
+            last_lines(endless.as_slice())
+                .iter()
+                .all(|line| line.len() <= STDERR_WIDTH)
+        );
         assert_eq!(last_lines(b"\xff no text".as_slice()), ["\u{fffd} no text"]);
     }
 
@@ -238,6 +306,12 @@ mod tests {
         pass_on(5, told.as_slice(), &sender);
         drop(sender);
         let passed: Vec<_> = receiver.into_iter().collect();
-        assert!(matches!(passed.as_slice(), [(5, Told::Event(Event::Finished)), (5, Told::End)]), "{passed:?}");
+        assert!(
+            matches!(
+                passed.as_slice(),
+                [(5, Told::Event(Event::Finished)), (5, Told::End)]
+            ),
+            "{passed:?}"
+        );
     }
 }

@@ -1,7 +1,9 @@
-//! From a list of runs to recorded results: which runs are due, in which order, in how many processes.
+//! From a list of runs to recorded results: which runs are due, in which order, in how many
+//! processes.
 //!
-//! Owns the queue, the worker processes and what they tell, retries, signals and the display of progress. Knows nothing of
-//! TOML or of what training does inside: a run is a [`Job`](event::Job) whose process tells [`Event`](event::Event)s. Start at
+//! Owns the queue, the worker processes and what they tell, retries, signals and the display of
+//! progress. Knows nothing of TOML or of what training does inside: a run is a [`Job`](event::Job)
+//! whose process tells [`Event`](event::Event)s. Start at
 //! [`campaign::run`]; [`preflight`] is what must hold before it, [`worker`] the other end of the pipe.
 
 pub mod campaign;
@@ -24,14 +26,18 @@ use std::{io, time::Duration};
 
 use event::{Job, Message};
 
-/// Where jobs run: processes on this machine, or a cluster's. Jobs are told apart by a number of the caller's.
+/// Where jobs run: processes on this machine, or a cluster's. Jobs are told apart by a number of
+/// the caller's.
 pub trait Executor {
     /// Starts a job.
     ///
-    /// Errors: no process can be started.
+    /// # Errors
+    ///
+    /// No process can be started.
     fn start(&mut self, number: usize, job: &Job) -> io::Result<()>;
 
-    /// The next thing that a job tells, within `timeout`. The last message of every job is [`Message::Exited`].
+    /// The next thing that a job tells, within `timeout`. The last message of every job is
+    /// [`Message::Exited`].
     fn wait(&mut self, timeout: Duration) -> Option<(usize, Message)>;
 
     /// Asks a job to write a checkpoint and leave.
@@ -58,7 +64,8 @@ pub(crate) mod tests {
             "name = {name:?}\nbudget.env_steps = 1024\nrollout.steps = 256\nnetwork.hidden = [8]\nalgorithms.ppo.minibatch = 64\n\
              [[matrix]]\nseed = [{seed}]\nenv = [\"InvertedPendulum-v2\"]\nalgorithm = [\"ppo\"]\n"
         );
-        let spec = spec::parse(Path::new("test.toml"), &text, &Overrides::default()).expect("a matrix");
+        let spec =
+            spec::parse(Path::new("test.toml"), &text, &Overrides::default()).expect("a matrix");
         plan::plan(&spec).expect("a plan").remove(0)
     }
 

@@ -76,19 +76,24 @@ impl std::error::Error for Problems {}
 ///
 /// # Errors
 ///
-/// Every demonstration that cannot be used, each once; names that lead elsewhere; runs that share a place.
+/// Every demonstration that cannot be used, each once; names that lead elsewhere; runs that share a
+/// place.
 pub fn plan(specs: Vec<RunSpec>, results: &Path) -> Result<Vec<Planned>, Problems> {
     let mut problems = Vec::new();
     let mut demonstrations = BTreeMap::new();
     for spec in &specs {
-        let Some(path) = &spec.demonstration else { continue };
-        demonstrations.entry((path.clone(), spec.env)).or_insert_with(|| match demonstration(path, spec.env) {
-            Ok(demonstration) => Some(demonstration),
-            Err(error) => {
-                problems.push(Problem::Demonstration(error));
-                None
-            }
-        });
+        let Some(path) = &spec.demonstration else {
+            continue;
+        };
+        demonstrations
+            .entry((path.clone(), spec.env))
+            .or_insert_with(|| match demonstration(path, spec.env) {
+                Ok(demonstration) => Some(demonstration),
+                Err(error) => {
+                    problems.push(Problem::Demonstration(error));
+                    None
+                }
+            });
     }
     let build = Build::current(serde_json::Value::Null);
     let origin = Origin::current(results);
@@ -96,15 +101,19 @@ pub fn plan(specs: Vec<RunSpec>, results: &Path) -> Result<Vec<Planned>, Problem
     let mut places: BTreeMap<PathBuf, String> = BTreeMap::new();
     for spec in specs {
         let path = spec.demonstration.as_ref();
-        let (digest, demonstrated) =
-            path.and_then(|path| demonstrations.get(&(path.clone(), spec.env))?.clone()).unzip();
+        let (digest, demonstrated) = path
+            .and_then(|path| demonstrations.get(&(path.clone(), spec.env))?.clone())
+            .unzip();
         let versions = versions(&spec);
         let stamp = Stamp {
             spec: serde_json::to_value(&spec).unwrap_or_default(),
             fingerprint: spec.fingerprint(digest.as_deref(), &versions),
             demonstration: digest,
             demonstrated,
-            build: Build { versions: serde_json::to_value(&versions).unwrap_or_default(), ..build.clone() },
+            build: Build {
+                versions: serde_json::to_value(&versions).unwrap_or_default(),
+                ..build.clone()
+            },
             origin: Some(origin.clone()),
         };
         match RunPaths::new(results, &spec.experiment, &spec.id) {
@@ -116,7 +125,11 @@ pub fn plan(specs: Vec<RunSpec>, results: &Path) -> Result<Vec<Planned>, Problem
             },
         }
     }
-    if problems.is_empty() { Ok(planned) } else { Err(Problems(problems)) }
+    if problems.is_empty() {
+        Ok(planned)
+    } else {
+        Err(Problems(problems))
+    }
 }
 
 /// The versions of what `spec` uses.
@@ -137,18 +150,24 @@ fn demonstration(path: &Path, env: EnvId) -> Result<(String, Demonstrated), Demo
     let demonstrated = Demonstrated {
         episodes,
         steps: demonstration.len(),
-        mean_return: demonstration.returns().map(|returns| returns.iter().sum::<f64>() / episodes as f64),
+        mean_return: demonstration
+            .returns()
+            .map(|returns| returns.iter().sum::<f64>() / episodes as f64),
     };
     Ok((Demonstration::digest(path)?, demonstrated))
 }
 
-/// Makes the results ready: the folder can be written to and has room, and nothing that is recorded stands in the way;
-/// what does is set aside when `fresh`. Gives each run's state.
+/// Makes the results ready: the folder can be written to and has room, and nothing that is recorded
+/// stands in the way; what does is set aside when `fresh`. Gives each run's state.
 ///
 /// # Errors
 ///
 /// Whatever stands in the way, all of it; then nothing was set aside.
-pub fn prepare(planned: &[Planned], results: &Path, fresh: bool) -> Result<Vec<RunState>, Problems> {
+pub fn prepare(
+    planned: &[Planned],
+    results: &Path,
+    fresh: bool,
+) -> Result<Vec<RunState>, Problems> {
     let mut problems = Vec::new();
     if let Err(error) = check_writable(results) {
         return Err(Problems(vec![error.into()]));
@@ -158,8 +177,15 @@ pub fn prepare(planned: &[Planned], results: &Path, fresh: bool) -> Result<Vec<R
         match run.state() {
             Err(error) => problems.push(error.into()),
             Ok(RunState::Differs { keys }) if !fresh => {
-                let folder = if run.paths.complete.exists() { &run.paths.complete } else { &run.paths.partial };
-                problems.push(Problem::Differs { folder: folder.clone(), keys });
+                let folder = if run.paths.complete.exists() {
+                    &run.paths.complete
+                } else {
+                    &run.paths.partial
+                };
+                problems.push(Problem::Differs {
+                    folder: folder.clone(),
+                    keys,
+                });
             }
             Ok(RunState::Unusable { reason } | RunState::Damaged { reason }) if !fresh => {
                 problems.push(Problem::Unusable { reason })
@@ -167,7 +193,10 @@ pub fn prepare(planned: &[Planned], results: &Path, fresh: bool) -> Result<Vec<R
             Ok(state) => states.push(state),
         }
     }
-    let due = planned.iter().zip(&states).filter(|(_, state)| !matches!(state, RunState::Finished(_)));
+    let due = planned
+        .iter()
+        .zip(&states)
+        .filter(|(_, state)| !matches!(state, RunState::Finished(_)));
     let needed: u64 = due.map(|(run, _)| bytes_needed(&run.spec)).sum();
     match fs4::available_space(results) {
         Ok(available) if available < needed => problems.push(Problem::NoSpace {
@@ -181,35 +210,57 @@ pub fn prepare(planned: &[Planned], results: &Path, fresh: bool) -> Result<Vec<R
         return Err(Problems(problems));
     }
     for (run, state) in planned.iter().zip(&mut states) {
-        if matches!(state, RunState::Differs { .. } | RunState::Unusable { .. } | RunState::Damaged { .. }) {
+        if matches!(
+            state,
+            RunState::Differs { .. } | RunState::Unusable { .. } | RunState::Damaged { .. }
+        ) {
             set_aside(run).map_err(|problem| Problems(vec![problem]))?;
             *state = RunState::ToDo;
         }
         if run.paths.is_unsettled()
             && let Ok(Some(_claim)) = Claim::take(&run.paths)
         {
-            run.paths.settle().map_err(|error| Problems(vec![error.into()]))?;
+            run.paths
+                .settle()
+                .map_err(|error| Problems(vec![error.into()]))?;
         }
     }
     Ok(states)
 }
 
 fn set_aside(run: &Planned) -> Result<(), Problem> {
-    let Some(_claim) = Claim::take(&run.paths)? else { return Err(Problem::InUse(run.paths.partial.clone())) };
+    let Some(_claim) = Claim::take(&run.paths)? else {
+        return Err(Problem::InUse(run.paths.partial.clone()));
+    };
     run.paths.set_aside()?;
     Ok(())
 }
 
-/// What a run may take on the disk: its rows, and checkpoints and policies of the size of its networks.
+/// What a run may take on the disk: its rows, and checkpoints and policies of the size of its
+/// networks.
 fn bytes_needed(spec: &RunSpec) -> u64 {
-    let hidden: Vec<u64> = spec.network.hidden.iter().map(|width| width.get()).collect();
-    let inside: u64 = hidden.windows(2).map(|pair| pair[0].saturating_mul(pair[1])).sum();
+    let hidden: Vec<u64> = spec
+        .network
+        .hidden
+        .iter()
+        .map(|width| width.get())
+        .collect();
+    let inside: u64 = hidden
+        .windows(2)
+        .map(|pair| pair[0].saturating_mul(pair[1]))
+        .sum();
     let parameters = inside + 120 * hidden.iter().sum::<u64>(); // Ant's 111 observations are the most
     let network = 4 * parameters; // f32
     let steps = spec.budget.env_steps.get();
-    let rows =
-        300 * (steps / spec.rollout.steps.get() + steps / spec.evaluation.every.get() * spec.evaluation.episodes.get());
-    let kept = spec.checkpoint.keep_policy_every.map_or(0, |every| steps / every.get());
-    // Two networks with two moments each, in two checkpoints while one replaces the other, and in a shorter run's.
-    rows.saturating_add(network.saturating_mul(2 * 3 * 3)).saturating_add(kept.saturating_mul(2 * network))
+    let rows = 300
+        * (steps / spec.rollout.steps.get()
+            + steps / spec.evaluation.every.get() * spec.evaluation.episodes.get());
+    let kept = spec
+        .checkpoint
+        .keep_policy_every
+        .map_or(0, |every| steps / every.get());
+    // Two networks with two moments each, in two checkpoints while one replaces the other, and in a
+    // shorter run's.
+    rows.saturating_add(network.saturating_mul(2 * 3 * 3))
+        .saturating_add(kept.saturating_mul(2 * network))
 }

@@ -1,4 +1,5 @@
-//! How far a campaign is, for people: one bar a run and one for the whole, or a plain line now and then.
+//! How far a campaign is, for people: one bar a run and one for the whole, or a plain line now and
+//! then.
 
 use std::{
     collections::BTreeMap,
@@ -78,7 +79,11 @@ impl Running {
 impl Progress {
     /// Shows a campaign of `runs` runs, whose work would take `seconds` in one process.
     pub fn new(style: Style, verbose: bool, runs: usize, seconds: f64) -> Self {
-        let target = if style == Style::Bars { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+        let target = if style == Style::Bars {
+            ProgressDrawTarget::stderr()
+        } else {
+            ProgressDrawTarget::hidden()
+        };
         let screen = MultiProgress::with_draw_target(target);
         let whole = screen.add(ProgressBar::new(1000));
         whole.set_style(bar_style("{bar:12.green} {percent:>3} %  {wide_msg}"));
@@ -100,7 +105,9 @@ impl Progress {
 
     /// Run `number` begins at `from` of `budget` environment steps; all of it would take `seconds`.
     pub fn begin(&mut self, number: usize, label: &str, from: u64, budget: u64, seconds: f64) {
-        let bar = self.screen.insert_before(&self.whole, ProgressBar::new(budget));
+        let bar = self
+            .screen
+            .insert_before(&self.whole, ProgressBar::new(budget));
         bar.set_style(bar_style("{bar:12} {percent:>3} %  {wide_msg}"));
         bar.set_message(label.to_owned());
         let work_per_step = seconds / budget.max(1) as f64;
@@ -120,7 +127,9 @@ impl Progress {
 
     /// Run `number` is at `env_steps`.
     pub fn iteration(&mut self, number: usize, env_steps: u64, training_return: Option<f64>) {
-        let Some(run) = self.running.get_mut(&number) else { return };
+        let Some(run) = self.running.get_mut(&number) else {
+            return;
+        };
         let steps = env_steps.saturating_sub(run.env_steps);
         self.steps_done += steps;
         self.work_done += run.work_per_step * steps as f64;
@@ -129,15 +138,29 @@ impl Progress {
         run.last_return = training_return.or(run.last_return);
         run.bar.set_position(env_steps.min(run.budget));
         // What changes comes first: narrow terminals cut the end off.
-        let left = run.seconds_left().map_or_else(String::new, |seconds| format!("{} left, ", clock(seconds)));
-        let mean = run.last_return.map_or_else(String::new, |mean| format!(", training return {mean:.1}"));
-        run.bar.set_message(format!("{left}{} steps/s  {}{mean}", thousands(run.steps_per_second()), run.label));
+        let left = run
+            .seconds_left()
+            .map_or_else(String::new, |seconds| format!("{} left, ", clock(seconds)));
+        let mean = run
+            .last_return
+            .map_or_else(String::new, |mean| format!(", training return {mean:.1}"));
+        run.bar.set_message(format!(
+            "{left}{} steps/s  {}{mean}",
+            thousands(run.steps_per_second()),
+            run.label
+        ));
     }
 
     /// Run `number` was evaluated.
     pub fn evaluation(&mut self, number: usize, env_steps: u64, dense_return: f64) {
-        let Some(run) = self.running.get(&number).filter(|_| self.verbose) else { return };
-        self.say(&format!("{} at {} steps: dense return {dense_return:.2}", run.label, thousands(env_steps as f64)));
+        let Some(run) = self.running.get(&number).filter(|_| self.verbose) else {
+            return;
+        };
+        self.say(&format!(
+            "{} at {} steps: dense return {dense_return:.2}",
+            run.label,
+            thousands(env_steps as f64)
+        ));
     }
 
     /// Run `number` has ended, here or in another process; all of it would take `seconds`.
@@ -180,14 +203,22 @@ impl Progress {
         let elapsed = self.began.elapsed().as_secs_f64().max(1e-3);
         let speed = thousands(self.steps_done as f64 / elapsed);
         // The whole at the rate of work so far, but no sooner than the slowest of those that run.
-        let by_work = (self.work_done > 0.0).then(|| self.work_left.max(0.0) * elapsed / self.work_done);
-        let slowest = self.running.values().filter_map(Running::seconds_left).reduce(f64::max);
+        let by_work =
+            (self.work_done > 0.0).then(|| self.work_left.max(0.0) * elapsed / self.work_done);
+        let slowest = self
+            .running
+            .values()
+            .filter_map(Running::seconds_left)
+            .reduce(f64::max);
         let left = match by_work.into_iter().chain(slowest).reduce(f64::max) {
             Some(seconds) => format!("about {} left", clock(seconds)),
             None => "time left not yet known".to_owned(),
         };
         let running = self.running.len();
-        format!("{} of {} runs done, {running} running, {speed} steps/s, {left}", self.ended, self.runs)
+        format!(
+            "{} of {} runs done, {running} running, {speed} steps/s, {left}",
+            self.ended, self.runs
+        )
     }
 
     /// Writes a line above the bars. A stderr that is gone is nobody's problem but its reader's.
@@ -224,7 +255,12 @@ fn bar_style(template: &str) -> ProgressStyle {
 /// A duration as `h:mm:ss`.
 pub fn clock(seconds: f64) -> String {
     let seconds = seconds.max(0.0).round() as u64;
-    format!("{}:{:02}:{:02}", seconds / 3600, seconds / 60 % 60, seconds % 60)
+    format!(
+        "{}:{:02}:{:02}",
+        seconds / 3600,
+        seconds / 60 % 60,
+        seconds % 60
+    )
 }
 
 /// A whole number with commas: `12,345`.
@@ -248,7 +284,8 @@ mod tests {
         let mut progress = Progress::new(Style::Quiet, false, 2, 20.0);
         progress.begin(0, "a", 0, 100, 10.0);
         assert!(
-            progress.status().contains("0 of 2 runs done, 1 running") && progress.status().contains("not yet known")
+            progress.status().contains("0 of 2 runs done, 1 running")
+                && progress.status().contains("not yet known")
         );
         progress.iteration(0, 50, None);
         assert!(progress.status().contains("left") && !progress.status().contains("not yet known"));
@@ -260,10 +297,16 @@ mod tests {
         progress.begin(0, "a", 40, 100, 10.0); // resumed
         assert!((progress.work_left - 16.0).abs() < 1e-9);
         progress.iteration(0, 90, None);
-        assert!((progress.work_left - 11.0).abs() < 1e-9 && (progress.work_done - 5.0).abs() < 1e-9);
+        assert!(
+            (progress.work_left - 11.0).abs() < 1e-9 && (progress.work_done - 5.0).abs() < 1e-9
+        );
         progress.leave(0); // died; its last checkpoint was at 60
         progress.begin(0, "a", 60, 100, 10.0);
-        assert!((progress.work_left - 14.0).abs() < 1e-9, "{}", progress.work_left);
+        assert!(
+            (progress.work_left - 14.0).abs() < 1e-9,
+            "{}",
+            progress.work_left
+        );
         progress.iteration(0, 100, None);
         progress.end(0, 10.0);
         assert!((progress.work_left - 10.0).abs() < 1e-9);

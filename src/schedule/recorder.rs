@@ -1,4 +1,5 @@
-//! The sink of a worker: keeps what training tells, writes checkpoints, and passes on how far the run is.
+//! The sink of a worker: keeps what training tells, writes checkpoints, and passes on how far the
+//! run is.
 
 use std::{
     fs, process,
@@ -13,8 +14,8 @@ use crate::{
     algo::{Agent, pretraining::Pretraining},
     plan::RunSpec,
     record::{
-        Attempt, Checkpoint, Claim, Heartbeat, Manifest, Outcome, RecordError, RunPaths, TableDigests, now, policy,
-        pretrained::pretrained, rows,
+        Attempt, Checkpoint, Claim, Heartbeat, Manifest, Outcome, RecordError, RunPaths,
+        TableDigests, now, policy, pretrained::pretrained, rows,
     },
     train::{EvaluationEpisode, Flow, Iteration, RunSink, SinkError, TrainError, build},
 };
@@ -59,7 +60,11 @@ impl<'a> Recorder<'a> {
         manifest.attempts.push(Attempt {
             began: now(),
             ended: None,
-            host: manifest.stamp.origin.as_ref().map_or_else(String::new, |origin| origin.host.clone()),
+            host: manifest
+                .stamp
+                .origin
+                .as_ref()
+                .map_or_else(String::new, |origin| origin.host.clone()),
             process: process::id(),
             from_env_steps,
             cpu_class: manifest.stamp.build.cpu_class.clone(),
@@ -67,7 +72,11 @@ impl<'a> Recorder<'a> {
             error: None,
         });
         // In this order: a run that can be seen to have begun has a log that says so.
-        info!("{} begins at {from_env_steps} of {} steps", spec.id, spec.trained_steps());
+        info!(
+            "{} begins at {from_env_steps} of {} steps",
+            spec.id,
+            spec.trained_steps()
+        );
         manifest.write(&RunPaths::manifest(&paths.partial))?;
         Event::Began { from_env_steps }.tell();
         Ok(Self {
@@ -87,12 +96,21 @@ impl<'a> Recorder<'a> {
         })
     }
 
-    /// Finds the agents that runs of these results share, and trains and keeps those that are not there yet.
-    pub fn clones(&self) -> impl FnMut(&Pretraining<'_>, &mut dyn FnMut()) -> Result<Agent, TrainError> + use<> {
+    /// Finds the agents that runs of these results share, and trains and keeps those that are not
+    /// there yet.
+    pub fn clones(
+        &self,
+    ) -> impl FnMut(&Pretraining<'_>, &mut dyn FnMut()) -> Result<Agent, TrainError> + use<> {
         let folder = self.paths.pretrained.clone();
         let build = self.manifest.stamp.build.clone();
         move |start, alive| {
-            pretrained(&folder, &start.key(), build.machine(), &mut |alive| build::cloned(start, alive), alive)
+            pretrained(
+                &folder,
+                &start.key(),
+                build.machine(),
+                &mut |alive| build::cloned(start, alive),
+                alive,
+            )
         }
     }
 
@@ -106,14 +124,27 @@ impl<'a> Recorder<'a> {
         let folder = &self.paths.partial;
         let keys = rows::Keys::from(self.spec);
         let stamp = &self.manifest.stamp;
-        rows::write_progress(&RunPaths::progress(folder), &keys, stamp, &self.recorded.iterations)?;
-        rows::write_evaluations(&RunPaths::evaluations(folder), &keys, stamp, &self.recorded.evaluations)?;
+        rows::write_progress(
+            &RunPaths::progress(folder),
+            &keys,
+            stamp,
+            &self.recorded.iterations,
+        )?;
+        rows::write_evaluations(
+            &RunPaths::evaluations(folder),
+            &keys,
+            stamp,
+            &self.recorded.evaluations,
+        )?;
         self.manifest.tables = Some(TableDigests::of(folder)?);
         self.manifest.env_steps = self.recorded.env_steps();
         self.manifest.seconds = self.seconds();
         self.manifest.outcome = Outcome::Finished;
         self.manifest.end_attempt(None);
-        info!("finished after {} steps and {:.0} s", self.manifest.env_steps, self.manifest.seconds);
+        info!(
+            "finished after {} steps and {:.0} s",
+            self.manifest.env_steps, self.manifest.seconds
+        );
         self.paths.close(&self.manifest)?;
         Ok(Event::Finished)
     }
@@ -124,16 +155,24 @@ impl<'a> Recorder<'a> {
     ///
     /// The manifest cannot be written.
     pub fn stop(mut self) -> Result<Event, RecordError> {
-        info!("stopped after {} steps; a checkpoint is kept", self.recorded.env_steps());
+        info!(
+            "stopped after {} steps; a checkpoint is kept",
+            self.recorded.env_steps()
+        );
         self.manifest.end_attempt(None);
-        self.manifest.write(&RunPaths::manifest(&self.paths.partial))?;
+        self.manifest
+            .write(&RunPaths::manifest(&self.paths.partial))?;
         Ok(Event::Stopped)
     }
 
-    /// Errors: another machine has taken the run up, since this process stood still for too long.
+    /// # Errors
+    ///
+    /// Another machine has taken the run up, since this process stood still for too long.
     fn refuse_what_is_anothers(&self) -> Result<(), RecordError> {
         match self.claim.is_lost() {
-            true => Err(RecordError::Lost { path: self.paths.partial.clone() }),
+            true => Err(RecordError::Lost {
+                path: self.paths.partial.clone(),
+            }),
             false => Ok(()),
         }
     }
@@ -143,37 +182,61 @@ impl<'a> Recorder<'a> {
     }
 
     fn heartbeat(&mut self) -> Result<(), RecordError> {
-        if self.last_heartbeat.is_some_and(|last| last.elapsed() < HEARTBEAT) {
+        if self
+            .last_heartbeat
+            .is_some_and(|last| last.elapsed() < HEARTBEAT)
+        {
             return Ok(());
         }
         self.last_heartbeat = Some(Instant::now());
         let env_steps = self.recorded.env_steps();
-        let steps_per_second = (env_steps - self.from_env_steps) as f64 / self.began.elapsed().as_secs_f64();
-        Heartbeat { env_steps, steps_per_second, training_return: self.last_return, written: now() }
-            .write(&RunPaths::heartbeat(&self.paths.partial))
+        let steps_per_second =
+            (env_steps - self.from_env_steps) as f64 / self.began.elapsed().as_secs_f64();
+        Heartbeat {
+            env_steps,
+            steps_per_second,
+            training_return: self.last_return,
+            written: now(),
+        }
+        .write(&RunPaths::heartbeat(&self.paths.partial))
     }
 
     fn checkpoint(&mut self, state: &dyn Fn() -> Vec<u8>) -> Result<(), RecordError> {
         self.refuse_what_is_anothers()?;
         self.recorded.state = state();
         self.recorded.seconds = self.seconds();
-        self.recorded.write(&RunPaths::checkpoint(&self.paths.partial), &self.manifest.stamp.fingerprint)?;
+        self.recorded.write(
+            &RunPaths::checkpoint(&self.paths.partial),
+            &self.manifest.stamp.fingerprint,
+        )?;
         self.last_checkpoint = Instant::now();
         Ok(())
     }
 }
 
 impl RunSink for Recorder<'_> {
-    fn iteration(&mut self, row: &Iteration, state: &dyn Fn() -> Vec<u8>) -> Result<Flow, SinkError> {
+    fn iteration(
+        &mut self,
+        row: &Iteration,
+        state: &dyn Fn() -> Vec<u8>,
+    ) -> Result<Flow, SinkError> {
         debug!("{}", told(row));
         self.last_return = row.training_return.or(self.last_return);
         self.recorded.iterations.push(row.clone());
         self.heartbeat().map_err(sink_error)?;
-        let heard = Event::Iteration { env_steps: row.env_steps, training_return: row.training_return }.tell();
+        let heard = Event::Iteration {
+            env_steps: row.env_steps,
+            training_return: row.training_return,
+        }
+        .tell();
         let stop = self.stop.is_made() || !heard;
         // The last one is kept: from it the run goes on when it is to be longer.
         let ends = row.env_steps >= self.spec.budget.env_steps.get();
-        if stop || ends || self.last_checkpoint.elapsed().as_secs_f64() >= self.spec.checkpoint.every_seconds.get() {
+        if stop
+            || ends
+            || self.last_checkpoint.elapsed().as_secs_f64()
+                >= self.spec.checkpoint.every_seconds.get()
+        {
             self.checkpoint(state).map_err(sink_error)?;
         }
         Ok(if stop { Flow::Stop } else { Flow::Continue })
@@ -181,19 +244,35 @@ impl RunSink for Recorder<'_> {
 
     fn evaluation(&mut self, episodes: &[EvaluationEpisode]) -> Result<(), SinkError> {
         self.recorded.evaluations.extend_from_slice(episodes);
-        let Some(first) = episodes.first() else { return Ok(()) };
-        let dense_return = episodes.iter().map(|row| row.dense_return).sum::<f64>() / episodes.len() as f64;
-        info!("evaluated after {} steps: return {dense_return:.2}", first.env_steps);
-        Event::Evaluation { env_steps: first.env_steps, dense_return, last: first.last }.tell();
+        let Some(first) = episodes.first() else {
+            return Ok(());
+        };
+        let dense_return =
+            episodes.iter().map(|row| row.dense_return).sum::<f64>() / episodes.len() as f64;
+        info!(
+            "evaluated after {} steps: return {dense_return:.2}",
+            first.env_steps
+        );
+        Event::Evaluation {
+            env_steps: first.env_steps,
+            dense_return,
+            last: first.last,
+        }
+        .tell();
         Ok(())
     }
 
     fn policy(&mut self, env_steps: u64, last: bool, agent: &Agent) -> Result<(), SinkError> {
         let folder = &self.paths.partial;
-        let path = if last { RunPaths::policy(folder) } else { RunPaths::kept_policy(folder, env_steps) };
+        let path = if last {
+            RunPaths::policy(folder)
+        } else {
+            RunPaths::kept_policy(folder, env_steps)
+        };
         if let Some(folder) = path.parent() {
-            fs::create_dir_all(folder)
-                .map_err(|error| SinkError(format!("cannot create {}: {error}", folder.display())))?;
+            fs::create_dir_all(folder).map_err(|error| {
+                SinkError(format!("cannot create {}: {error}", folder.display()))
+            })?;
         }
         policy::write(&path, agent, &self.manifest.stamp).map_err(sink_error)?;
         if last {
@@ -219,13 +298,19 @@ fn signs_of_life(last: &mut Instant) {
 fn told(row: &Iteration) -> String {
     fn add(name: &str, value: &Value, told: &mut Vec<String>) {
         match value {
-            Value::Object(fields) => fields.iter().for_each(|(name, value)| add(name, value, told)),
+            Value::Object(fields) => fields
+                .iter()
+                .for_each(|(name, value)| add(name, value, told)),
             Value::Null | Value::Array(_) => {} // what it does not have, and the parts of its seconds
             value => told.push(format!("{name} {value}")),
         }
     }
     let mut quantities = Vec::new();
-    add("", &serde_json::to_value(row).unwrap_or_default(), &mut quantities);
+    add(
+        "",
+        &serde_json::to_value(row).unwrap_or_default(),
+        &mut quantities,
+    );
     quantities.join(", ")
 }
 
@@ -241,7 +326,13 @@ mod tests {
     #[test]
     fn a_log_tells_what_there_is_in_words() {
         let told = told(&iteration(1));
-        assert!(told.contains("env_steps 100, ") && told.contains("kl 0.30000000000000004"), "{told}");
-        assert!(!told.contains("null") && !told.contains("training_return"), "{told}");
+        assert!(
+            told.contains("env_steps 100, ") && told.contains("kl 0.30000000000000004"),
+            "{told}"
+        );
+        assert!(
+            !told.contains("null") && !told.contains("training_return"),
+            "{told}"
+        );
     }
 }

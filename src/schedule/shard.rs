@@ -24,14 +24,19 @@ impl FromStr for Shard {
         let (number, of) = text.split_once('/').ok_or_else(refused)?;
         let whole = |text: &str| text.parse::<usize>().map_err(|_| refused());
         let (number, of) = (whole(number)?, whole(of)?);
-        if (1..=of).contains(&number) { Ok(Self { number, of }) } else { Err(refused()) }
+        if (1..=of).contains(&number) {
+            Ok(Self { number, of })
+        } else {
+            Err(refused())
+        }
     }
 }
 
 impl Shard {
-    /// The runs of this part, in the order of `planned`: the parts have no run in common, hold all of them together, and take
-    /// about as long as each other. It depends on the plan alone and on nothing that is recorded, so that machines which begin
-    /// at different times share out the same parts.
+    /// The runs of this part, in the order of `planned`: the parts have no run in common, hold all
+    /// of them together, and take about as long as each other. It depends on the plan alone and on
+    /// nothing that is recorded, so that machines which begin at different times share out the same
+    /// parts.
     pub fn of(self, planned: Vec<Planned>) -> Vec<Planned> {
         let costs = CostModel::default();
         let seconds: Vec<f64> = planned.iter().map(|run| costs.seconds(&run.spec)).collect();
@@ -41,11 +46,18 @@ impl Shard {
         let mut work = vec![0.0_f64; self.of];
         let mut part = vec![0; planned.len()];
         for run in order {
-            let least = (0..self.of).min_by(|&a, &b| work[a].total_cmp(&work[b])).unwrap_or(0);
+            let least = (0..self.of)
+                .min_by(|&a, &b| work[a].total_cmp(&work[b]))
+                .unwrap_or(0);
             work[least] += seconds[run];
             part[run] = least;
         }
-        planned.into_iter().zip(part).filter(|(_, part)| part + 1 == self.number).map(|(run, _)| run).collect()
+        planned
+            .into_iter()
+            .zip(part)
+            .filter(|(_, part)| part + 1 == self.number)
+            .map(|(run, _)| run)
+            .collect()
     }
 }
 
@@ -66,7 +78,9 @@ mod tests {
 
     #[test]
     fn only_a_part_of_what_there_is_can_be_meant() {
-        for text in ["", "1", "0/4", "5/4", "-1/4", "1/0", "1/4/2", "a/b", "1.0/4"] {
+        for text in [
+            "", "1", "0/4", "5/4", "-1/4", "1/0", "1/4/2", "a/b", "1.0/4",
+        ] {
             assert!(text.parse::<Shard>().is_err(), "{text}");
         }
         assert_eq!("3/16".parse(), Ok(Shard { number: 3, of: 16 }));
@@ -76,10 +90,18 @@ mod tests {
     fn the_parts_are_the_whole_and_have_nothing_in_common() {
         let all = runs(&[700, 100, 100, 500, 300, 300, 200, 900, 100]);
         for of in [1, 2, 4, 9, 12] {
-            let mut ids: Vec<String> =
-                (1..=of).flat_map(|number| Shard { number, of }.of(all.clone())).map(|run| run.spec.id).collect();
+            let mut ids: Vec<String> = (1..=of)
+                .flat_map(|number| Shard { number, of }.of(all.clone()))
+                .map(|run| run.spec.id)
+                .collect();
             ids.sort();
-            assert_eq!(ids, all.iter().map(|run| run.spec.id.clone()).collect::<Vec<_>>(), "of {of}");
+            assert_eq!(
+                ids,
+                all.iter()
+                    .map(|run| run.spec.id.clone())
+                    .collect::<Vec<_>>(),
+                "of {of}"
+            );
         }
     }
 

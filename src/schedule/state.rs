@@ -39,7 +39,8 @@ pub enum RunState {
     ToExtend {
         /// What is recorded of the shorter run.
         shorter: Manifest,
-        /// The environment steps that it goes on from; absent where its last state is not kept, so that it begins anew.
+        /// The environment steps that it goes on from; absent where its last state is not kept, so
+        /// that it begins anew.
         env_steps: Option<u64>,
     },
     /// It ended in an error; the next call tries again.
@@ -76,9 +77,15 @@ impl RunState {
         match self {
             Self::Interrupted { env_steps } => *env_steps,
             Self::ToExtend { env_steps, .. } => env_steps.unwrap_or(0),
-            Self::Running(heartbeat) => heartbeat.as_ref().map_or(0, |heartbeat| heartbeat.env_steps),
+            Self::Running(heartbeat) => heartbeat
+                .as_ref()
+                .map_or(0, |heartbeat| heartbeat.env_steps),
             Self::Finished(manifest) => manifest.env_steps,
-            Self::ToDo | Self::Failed(_) | Self::Differs { .. } | Self::Damaged { .. } | Self::Unusable { .. } => 0,
+            Self::ToDo
+            | Self::Failed(_)
+            | Self::Differs { .. }
+            | Self::Damaged { .. }
+            | Self::Unusable { .. } => 0,
         }
     }
 }
@@ -92,8 +99,12 @@ impl Planned {
     pub fn state(&self) -> Result<RunState, RecordError> {
         let held = Claim::is_held(&self.paths)?;
         match self.recorded(held) {
-            Err(error @ RecordError::Malformed { .. }) => Ok(RunState::Unusable { reason: error.to_string() }),
-            Err(error @ RecordError::Damaged { .. }) => Ok(RunState::Damaged { reason: error.to_string() }),
+            Err(error @ RecordError::Malformed { .. }) => Ok(RunState::Unusable {
+                reason: error.to_string(),
+            }),
+            Err(error @ RecordError::Damaged { .. }) => Ok(RunState::Damaged {
+                reason: error.to_string(),
+            }),
             state => state,
         }
     }
@@ -112,7 +123,8 @@ impl Planned {
                     Ordering::Greater => Some(ended),
                 }
             }
-            // Killed between its last word and the renaming, or taken up again at this very instant.
+            // Killed between its last word and the renaming, or taken up again at this very
+            // instant.
             Some(ended) => {
                 self.last_state()?;
                 return Ok(RunState::Failed(ended));
@@ -120,13 +132,21 @@ impl Planned {
             None => None,
         };
         let under_way = Manifest::read(&RunPaths::manifest(&self.paths.partial))?;
-        if let Some(differs) = under_way.as_ref().and_then(|manifest| self.differs(manifest)) {
+        if let Some(differs) = under_way
+            .as_ref()
+            .and_then(|manifest| self.differs(manifest))
+        {
             return Ok(differs);
         }
         if held {
-            return Ok(RunState::Running(Heartbeat::read(&RunPaths::heartbeat(&self.paths.partial))));
+            return Ok(RunState::Running(Heartbeat::read(&RunPaths::heartbeat(
+                &self.paths.partial,
+            ))));
         }
-        let env_steps = self.last_state()?.checkpoint.map(|checkpoint| checkpoint.env_steps());
+        let env_steps = self
+            .last_state()?
+            .checkpoint
+            .map(|checkpoint| checkpoint.env_steps());
         Ok(match (under_way, shorter, env_steps) {
             (Some(manifest), ..) if manifest.error().is_some() => RunState::Failed(manifest),
             (Some(manifest), _, Some(env_steps)) if env_steps > self.spec.trained_steps() => {
@@ -149,7 +169,9 @@ impl Planned {
             for path in [RunPaths::checkpoint(folder), RunPaths::kept_state(folder)] {
                 match Checkpoint::read(&path, &self.stamp.fingerprint) {
                     Ok(found) => {
-                        let steps = |checkpoint: &Option<Checkpoint>| checkpoint.as_ref().map(Checkpoint::env_steps);
+                        let steps = |checkpoint: &Option<Checkpoint>| {
+                            checkpoint.as_ref().map(Checkpoint::env_steps)
+                        };
                         if steps(&found) > steps(&last.checkpoint) {
                             last.checkpoint = found;
                         }
@@ -167,10 +189,13 @@ impl Planned {
         manifest.outcome == Outcome::Finished && manifest.env_steps == self.spec.trained_steps()
     }
 
-    /// Lets the run be evaluated under way when and as it was before it went on from what `recorded` names, so that its
-    /// evaluations are those of one run. The last evaluation is still to come, and is as asked for.
+    /// Lets the run be evaluated under way when and as it was before it went on from what
+    /// `recorded` names, so that its evaluations are those of one run. The last evaluation is still
+    /// to come, and is as asked for.
     pub fn keep_evaluating_as(&mut self, recorded: &Stamp) {
-        let Ok(before) = plan::recorded(&recorded.spec) else { return };
+        let Ok(before) = plan::recorded(&recorded.spec) else {
+            return;
+        };
         self.spec.evaluation.every = before.evaluation.every;
         self.spec.evaluation.episodes = before.evaluation.episodes;
         self.stamp.spec = serde_json::to_value(&self.spec).unwrap_or_default();
@@ -193,26 +218,33 @@ impl Planned {
     fn is_longer(&self, recorded: &Stamp, env_steps: u64) -> RunState {
         let keys = match plan::recorded(&recorded.spec) {
             Ok(before) => vec![budgets(&before, &self.spec)],
-            Err(_) => vec![format!("{env_steps} steps that are recorded, more than are asked for")],
+            Err(_) => vec![format!(
+                "{env_steps} steps that are recorded, more than are asked for"
+            )],
         };
         RunState::Differs { keys }
     }
 
-    /// In what this run differs from the one that left `recorded`, the versions of what computes it apart; empty when its files
-    /// would be the same.
+    /// In what this run differs from the one that left `recorded`, the versions of what computes it
+    /// apart; empty when its files would be the same.
     pub fn differences(&self, recorded: &Stamp) -> Vec<String> {
         let mut keys = self.training_differences(recorded);
         if let Ok(before) = plan::recorded(&recorded.spec) {
             keys.extend(plan::evaluated_otherwise(&before, &self.spec));
-            keys.extend((before.trained_steps() != self.spec.trained_steps()).then(|| budgets(&before, &self.spec)));
+            keys.extend(
+                (before.trained_steps() != self.spec.trained_steps())
+                    .then(|| budgets(&before, &self.spec)),
+            );
         }
         keys
     }
 
     /// In what this run's evaluations differ from those of the one that left `recorded`.
     pub fn evaluated_otherwise(&self, recorded: &Stamp) -> Vec<String> {
-        plan::recorded(&recorded.spec)
-            .map_or_else(|_| Vec::new(), |before| plan::evaluated_otherwise(&before, &self.spec))
+        plan::recorded(&recorded.spec).map_or_else(
+            |_| Vec::new(),
+            |before| plan::evaluated_otherwise(&before, &self.spec),
+        )
     }
 
     /// In what this run's training differs from that of the one that left `recorded`.
@@ -221,15 +253,26 @@ impl Planned {
             Ok(recorded) => plan::differences(&recorded, &self.spec),
             Err(_) => vec!["the specification's format".to_owned()],
         };
-        let digests = recorded.demonstration.as_ref().zip(self.stamp.demonstration.as_ref());
-        keys.extend(digests.filter(|(before, after)| before != after).map(|_| DEMONSTRATION.to_owned()));
+        let digests = recorded
+            .demonstration
+            .as_ref()
+            .zip(self.stamp.demonstration.as_ref());
+        keys.extend(
+            digests
+                .filter(|(before, after)| before != after)
+                .map(|_| DEMONSTRATION.to_owned()),
+        );
         keys
     }
 }
 
 /// Both budgets, as differences are told.
 fn budgets(before: &RunSpec, after: &RunSpec) -> String {
-    format!("budget.env_steps: {} -> {}", before.budget.env_steps.get(), after.budget.env_steps.get())
+    format!(
+        "budget.env_steps: {} -> {}",
+        before.budget.env_steps.get(),
+        after.budget.env_steps.get()
+    )
 }
 
 #[cfg(test)]
@@ -246,7 +289,11 @@ mod tests {
     /// `run`, finished with 1,024 steps.
     fn finish(run: &Planned) {
         run.paths.open().expect("made");
-        let manifest = Manifest { outcome: Outcome::Finished, env_steps: 1024, ..Manifest::new(run.stamp.clone()) };
+        let manifest = Manifest {
+            outcome: Outcome::Finished,
+            env_steps: 1024,
+            ..Manifest::new(run.stamp.clone())
+        };
         run.paths.close(&manifest).expect("closed");
     }
 
@@ -258,7 +305,9 @@ mod tests {
         assert!(matches!(run.state(), Ok(RunState::Finished(_))));
         run.spec.max_steps = 7;
         run.stamp.fingerprint = "another".to_owned();
-        let Ok(RunState::Differs { keys }) = run.state() else { panic!("{:?}", run.state()) };
+        let Ok(RunState::Differs { keys }) = run.state() else {
+            panic!("{:?}", run.state())
+        };
         assert_eq!(keys, ["max_steps: 1000 -> 7"]);
     }
 
@@ -268,9 +317,14 @@ mod tests {
         let mut run = planned(folder.path(), "e", 0);
         finish(&run);
         run.spec.budget.env_steps = constant(900);
-        assert!(matches!(run.state(), Ok(RunState::Finished(_))), "it takes the same rollouts");
+        assert!(
+            matches!(run.state(), Ok(RunState::Finished(_))),
+            "it takes the same rollouts"
+        );
         run.spec.budget.env_steps = constant(700);
-        let Ok(RunState::Differs { keys }) = run.state() else { panic!("{:?}", run.state()) };
+        let Ok(RunState::Differs { keys }) = run.state() else {
+            panic!("{:?}", run.state())
+        };
         assert_eq!(keys, ["budget.env_steps: 1024 -> 700"]);
         run.spec.budget.env_steps = constant(2000);
         assert_eq!(run.spec.trained_steps(), 2048);
@@ -282,20 +336,35 @@ mod tests {
             other => panic!("{other:?}"),
         };
         assert_eq!(from(run.state()), None, "its last state is not kept");
-        let checkpoint = |n| Checkpoint { iterations: vec![iteration(n)], ..Checkpoint::default() };
-        checkpoint(10).write(&RunPaths::kept_state(&run.paths.complete), &run.stamp.fingerprint).expect("written");
+        let checkpoint = |n| Checkpoint {
+            iterations: vec![iteration(n)],
+            ..Checkpoint::default()
+        };
+        checkpoint(10)
+            .write(
+                &RunPaths::kept_state(&run.paths.complete),
+                &run.stamp.fingerprint,
+            )
+            .expect("written");
         assert_eq!(from(run.state()), Some(1000));
         run.paths.open().expect("taken up");
-        Manifest::new(run.stamp.clone()).write(&RunPaths::manifest(&run.paths.partial)).expect("written");
+        Manifest::new(run.stamp.clone())
+            .write(&RunPaths::manifest(&run.paths.partial))
+            .expect("written");
         let own = RunPaths::checkpoint(&run.paths.partial);
         for (n, expected) in [(3, 1000), (12, 1200)] {
-            checkpoint(n).write(&own, &run.stamp.fingerprint).expect("written");
+            checkpoint(n)
+                .write(&own, &run.stamp.fingerprint)
+                .expect("written");
             assert_eq!(from(run.state()), Some(expected), "the farthest counts");
         }
         fs::write(&own, "mcpo-run checkpoint half").expect("written");
         assert_eq!(from(run.state()), Some(1000), "a damaged one does not");
         run.spec.budget.env_steps = constant(1024);
-        assert!(matches!(run.state(), Ok(RunState::Finished(_))), "it is as it was");
+        assert!(
+            matches!(run.state(), Ok(RunState::Finished(_))),
+            "it is as it was"
+        );
     }
 
     #[test]
@@ -307,13 +376,24 @@ mod tests {
             fs::write(table(&run.paths.partial), "rows").expect("written");
         }
         let tables = Some(TableDigests::of(&run.paths.partial).expect("there"));
-        let manifest = Manifest { outcome: Outcome::Finished, env_steps: 1024, ..Manifest::new(run.stamp.clone()) };
-        run.paths.close(&Manifest { tables, ..manifest }).expect("closed");
+        let manifest = Manifest {
+            outcome: Outcome::Finished,
+            env_steps: 1024,
+            ..Manifest::new(run.stamp.clone())
+        };
+        run.paths
+            .close(&Manifest { tables, ..manifest })
+            .expect("closed");
         run.spec.evaluation.final_episodes = constant(3);
         assert!(matches!(run.state(), Ok(RunState::Finished(_))));
-        assert_eq!(run.evaluated_otherwise(&run.stamp), ["evaluation.final_episodes: 50 -> 3"]);
+        assert_eq!(
+            run.evaluated_otherwise(&run.stamp),
+            ["evaluation.final_episodes: 50 -> 3"]
+        );
         fs::write(RunPaths::evaluations(&run.paths.complete), "rowz").expect("written");
-        let Ok(RunState::Damaged { reason }) = run.state() else { panic!("{:?}", run.state()) };
+        let Ok(RunState::Damaged { reason }) = run.state() else {
+            panic!("{:?}", run.state())
+        };
         assert!(reason.contains("evaluations.parquet"), "{reason}");
     }
 
@@ -325,15 +405,24 @@ mod tests {
         run.paths.open().expect("made");
         assert_eq!(run.state().ok(), Some(RunState::ToDo));
         let path = RunPaths::checkpoint(&run.paths.partial);
-        let checkpoint =
-            Checkpoint { iterations: vec![crate::record::rows::tests::iteration(2)], ..Checkpoint::default() };
-        checkpoint.write(&path, &run.stamp.fingerprint).expect("written");
-        assert_eq!(run.state().ok(), Some(RunState::Interrupted { env_steps: 200 }));
+        let checkpoint = Checkpoint {
+            iterations: vec![crate::record::rows::tests::iteration(2)],
+            ..Checkpoint::default()
+        };
+        checkpoint
+            .write(&path, &run.stamp.fingerprint)
+            .expect("written");
+        assert_eq!(
+            run.state().ok(),
+            Some(RunState::Interrupted { env_steps: 200 })
+        );
         let claim = Claim::take(&run.paths).expect("made").expect("free");
         assert_eq!(run.state().ok(), Some(RunState::Running(None)));
         drop(claim);
         fs::write(&path, "mcpo-run checkpoint 99\n").expect("written");
-        let Ok(RunState::Unusable { reason }) = run.state() else { panic!("{:?}", run.state()) };
+        let Ok(RunState::Unusable { reason }) = run.state() else {
+            panic!("{:?}", run.state())
+        };
         assert!(reason.contains("version 99"), "{reason}");
     }
 }

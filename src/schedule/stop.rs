@@ -27,9 +27,9 @@ pub struct StopRequest {
 }
 
 impl StopRequest {
-    /// A request that those of these signals make which this process was not started to ignore (`nohup` ignores SIGHUP):
-    /// SIGINT (Ctrl-C), SIGTERM, SIGUSR1 (a cluster's warning) and SIGHUP (the terminal is gone) make. A second
-    /// signal ends the process at once with code 130.
+    /// A request that those of these signals make which this process was not started to ignore
+    /// (`nohup` ignores SIGHUP): SIGINT (Ctrl-C), SIGTERM, SIGUSR1 (a cluster's warning) and SIGHUP
+    /// (the terminal is gone) make. A second signal ends the process at once with code 130.
     ///
     /// # Errors
     ///
@@ -37,9 +37,16 @@ impl StopRequest {
     pub fn on_signals() -> io::Result<Self> {
         let request = Self::default();
         let ignored = ignored();
-        for signal in [SIGINT, SIGTERM, SIGUSR1, SIGHUP].into_iter().filter(|signal| ignored >> (signal - 1) & 1 == 0) {
+        for signal in [SIGINT, SIGTERM, SIGUSR1, SIGHUP]
+            .into_iter()
+            .filter(|signal| ignored >> (signal - 1) & 1 == 0)
+        {
             // In this order: the signal that makes the request does not see it made.
-            signal_hook::flag::register_conditional_shutdown(signal, INTERRUPTED.into(), request.by_signal.clone())?;
+            signal_hook::flag::register_conditional_shutdown(
+                signal,
+                INTERRUPTED.into(),
+                request.by_signal.clone(),
+            )?;
             signal_hook::flag::register(signal, request.by_signal.clone())?;
             if signal == SIGUSR1 {
                 signal_hook::flag::register(signal, request.by_warning.clone())?;
@@ -50,7 +57,10 @@ impl StopRequest {
 
     /// The same request, which also makes itself when `time` has passed from now on.
     pub fn or_after(self, time: Duration) -> Self {
-        Self { deadline: Instant::now().checked_add(time), ..self }
+        Self {
+            deadline: Instant::now().checked_add(time),
+            ..self
+        }
     }
 
     /// Asks for a stop.
@@ -65,16 +75,21 @@ impl StopRequest {
 
     /// Whether it was asked for.
     pub fn is_made(&self) -> bool {
-        let is_late = || self.deadline.is_some_and(|deadline| Instant::now() >= deadline);
+        let is_late = || {
+            self.deadline
+                .is_some_and(|deadline| Instant::now() >= deadline)
+        };
         self.by_signal.load(Ordering::SeqCst) || self.by_program.load(Ordering::SeqCst) || is_late()
     }
 }
 
-/// The signals that this process ignores, one bit each, the lowest that of signal 1; none where the system does not tell.
+/// The signals that this process ignores, one bit each, the lowest that of signal 1; none where the
+/// system does not tell.
 fn ignored() -> u64 {
     let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
-    mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0)
+    mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok())
+        .unwrap_or(0)
 }
 
 #[cfg(test)]

@@ -1,7 +1,8 @@
-//! A frozen plan: what a cluster's elements are to run, whatever becomes of the matrix file, the program and the shell.
+//! A frozen plan: what a cluster's elements are to run, whatever becomes of the matrix file, the
+//! program and the shell.
 //!
-//! One file, read by an element in two short pieces however many there are: a line that says what all have in common and how long
-//! each element's line is, and a line an element with its runs.
+//! One file, read by an element in two short pieces however many there are: a line that says what
+//! all have in common and how long each element's line is, and a line an element with its runs.
 
 use std::{
     ffi::OsString,
@@ -17,7 +18,8 @@ use super::state::Planned;
 use crate::{
     plan::RunSpec,
     record::{
-        Build, Demonstrated, Origin, RecordError, RunPaths, Stamp, experiment_folder, io_error, write_atomically,
+        Build, Demonstrated, Origin, RecordError, RunPaths, Stamp, experiment_folder, io_error,
+        write_atomically,
     },
 };
 
@@ -47,7 +49,8 @@ pub struct Submission {
     elements: Vec<usize>,
 }
 
-/// A run of an element. What differs from machine to machine is for the one that computes it to say.
+/// A run of an element. What differs from machine to machine is for the one that computes it to
+/// say.
 #[derive(Debug, Serialize, Deserialize)]
 struct Frozen {
     spec: Value,
@@ -82,7 +85,14 @@ impl Named {
 
 impl Submission {
     /// What is to be frozen; its elements are counted when it is.
-    pub fn new(experiment: &str, results: &Path, folder: &Path, cpus: usize, retries: u32, verbose: bool) -> Self {
+    pub fn new(
+        experiment: &str,
+        results: &Path,
+        folder: &Path,
+        cpus: usize,
+        retries: u32,
+        verbose: bool,
+    ) -> Self {
         Self {
             format: FORMAT,
             experiment: experiment.to_owned(),
@@ -120,7 +130,11 @@ impl Submission {
     /// # Errors
     ///
     /// The disk refuses.
-    pub fn freeze(mut self, folder: &Path, elements: &[Vec<&Planned>]) -> Result<Self, RecordError> {
+    pub fn freeze(
+        mut self,
+        folder: &Path,
+        elements: &[Vec<&Planned>],
+    ) -> Result<Self, RecordError> {
         let path = Self::plan(folder);
         let refused = |error: serde_json::Error| io_error("write", &path)(error.into());
         let mut body = Vec::new();
@@ -155,16 +169,27 @@ impl Submission {
     pub fn element(plan: &Path, index: usize) -> Result<(Self, Vec<Planned>), RecordError> {
         let (submission, mut reader) = open(plan)?;
         let Some(&length) = submission.elements.get(index) else {
-            let reason = format!("it has {} elements, and none of number {index}", submission.elements.len());
+            let reason = format!(
+                "it has {} elements, and none of number {index}",
+                submission.elements.len()
+            );
             return Err(malformed(plan, reason));
         };
         let before: usize = submission.elements[..index].iter().sum();
         let offset = i64::try_from(before).map_err(|error| malformed(plan, error.to_string()))?;
         let mut line = Vec::new();
-        reader.seek_relative(offset).map_err(io_error("read", plan))?;
-        reader.take(length as u64).read_to_end(&mut line).map_err(io_error("read", plan))?;
+        reader
+            .seek_relative(offset)
+            .map_err(io_error("read", plan))?;
+        reader
+            .take(length as u64)
+            .read_to_end(&mut line)
+            .map_err(io_error("read", plan))?;
         let frozen: Vec<Frozen> = parsed(plan, &line)?;
-        let runs = frozen.into_iter().map(|run| submission.planned(plan, run)).collect::<Result<_, _>>()?;
+        let runs = frozen
+            .into_iter()
+            .map(|run| submission.planned(plan, run))
+            .collect::<Result<_, _>>()?;
         Ok((submission, runs))
     }
 
@@ -175,11 +200,15 @@ impl Submission {
     /// As for [`read`](Self::read).
     pub fn names(plan: &Path) -> Result<Vec<Vec<Named>>, RecordError> {
         let (_, reader) = open(plan)?;
-        reader.split(b'\n').map(|line| parsed(plan, &line.map_err(io_error("read", plan))?)).collect()
+        reader
+            .split(b'\n')
+            .map(|line| parsed(plan, &line.map_err(io_error("read", plan))?))
+            .collect()
     }
 
     fn planned(&self, plan: &Path, run: Frozen) -> Result<Planned, RecordError> {
-        let spec: RunSpec = serde_json::from_value(run.spec.clone()).map_err(|e| malformed(plan, e.to_string()))?;
+        let spec: RunSpec =
+            serde_json::from_value(run.spec.clone()).map_err(|e| malformed(plan, e.to_string()))?;
         let paths = RunPaths::new(self.results.as_ref(), &spec.experiment, &spec.id)?;
         let stamp = Stamp {
             spec: run.spec,
@@ -209,11 +238,16 @@ impl Frozen {
 fn open(plan: &Path) -> Result<(Submission, BufReader<File>), RecordError> {
     let mut reader = BufReader::new(File::open(plan).map_err(io_error("read", plan))?);
     let mut head = Vec::new();
-    reader.read_until(b'\n', &mut head).map_err(io_error("read", plan))?;
+    reader
+        .read_until(b'\n', &mut head)
+        .map_err(io_error("read", plan))?;
     let submission: Submission = parsed(plan, &head)?;
     match submission.format {
         FORMAT => Ok((submission, reader)),
-        other => Err(malformed(plan, format!("it is of version {other}, and this program reads version {FORMAT}"))),
+        other => Err(malformed(
+            plan,
+            format!("it is of version {other}, and this program reads version {FORMAT}"),
+        )),
     }
 }
 
@@ -222,7 +256,11 @@ fn parsed<T: serde::de::DeserializeOwned>(plan: &Path, line: &[u8]) -> Result<T,
 }
 
 fn malformed(plan: &Path, reason: String) -> RecordError {
-    RecordError::Malformed { path: plan.to_owned(), expected: "a frozen plan", reason }
+    RecordError::Malformed {
+        path: plan.to_owned(),
+        expected: "a frozen plan",
+        reason,
+    }
 }
 
 /// The folders of all submissions of an experiment, the first one first.
@@ -255,7 +293,8 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let results = folder.path().join("results");
         let runs: Vec<Planned> = (0..5).map(|seed| planned(&results, "e", seed)).collect();
-        let elements: Vec<Vec<&Planned>> = runs.chunks(2).map(|runs| runs.iter().collect()).collect();
+        let elements: Vec<Vec<&Planned>> =
+            runs.chunks(2).map(|runs| runs.iter().collect()).collect();
         let frozen = Submission::new("e", &results, folder.path(), 1, 0, false);
         frozen.freeze(folder.path(), &elements).expect("written");
         let plan = Submission::plan(folder.path());
@@ -263,15 +302,29 @@ mod tests {
             let (submission, found) = Submission::element(&plan, index).expect("there");
             assert_eq!((submission.elements(), found.len()), (3, expected.len()));
             for (found, expected) in found.iter().zip(expected) {
-                assert_eq!((&found.spec, &found.paths), (&expected.spec, &expected.paths));
+                assert_eq!(
+                    (&found.spec, &found.paths),
+                    (&expected.spec, &expected.paths)
+                );
                 assert_eq!(found.stamp.fingerprint, expected.stamp.fingerprint);
             }
         }
-        let message = Submission::element(&plan, 3).expect_err("no such element").to_string();
+        let message = Submission::element(&plan, 3)
+            .expect_err("no such element")
+            .to_string();
         assert!(message.contains("none of number 3"), "{message}");
-        let names: Vec<String> =
-            Submission::names(&plan).expect("there").concat().iter().map(|n| n.id().into()).collect();
-        assert_eq!(names, runs.iter().map(|run| run.spec.id.clone()).collect::<Vec<_>>());
+        let names: Vec<String> = Submission::names(&plan)
+            .expect("there")
+            .concat()
+            .iter()
+            .map(|n| n.id().into())
+            .collect();
+        assert_eq!(
+            names,
+            runs.iter()
+                .map(|run| run.spec.id.clone())
+                .collect::<Vec<_>>()
+        );
     }
 
     #[test]

@@ -1,4 +1,5 @@
-//! The worker process: reads a job from stdin, trains and records the run, and tells events on stdout.
+//! The worker process: reads a job from stdin, trains and records the run, and tells events on
+//! stdout.
 
 use std::{
     cmp::Ordering,
@@ -42,7 +43,11 @@ enum WorkerError {
     #[error(transparent)]
     Train(#[from] TrainError),
     #[error("{} was recorded by another specification (fingerprint {found}; this one has {expected})", folder.display())]
-    AnotherRun { folder: PathBuf, found: String, expected: String },
+    AnotherRun {
+        folder: PathBuf,
+        found: String,
+        expected: String,
+    },
     #[error("{} holds a run that is longer than this one: {} steps are recorded", .0.display(), .1)]
     Longer(PathBuf, u64),
     #[error(transparent)]
@@ -58,7 +63,12 @@ pub fn run() -> ExitCode {
         Ok(event) => (event, ExitCode::SUCCESS),
         Err(failure) => {
             error!("{failure}");
-            (Event::Failed { error: failure.to_string() }, ExitCode::FAILURE)
+            (
+                Event::Failed {
+                    error: failure.to_string(),
+                },
+                ExitCode::FAILURE,
+            )
         }
     };
     event.tell();
@@ -66,15 +76,22 @@ pub fn run() -> ExitCode {
 }
 
 fn work() -> Result<Event, WorkerError> {
-    // For `top` and `killall`, to which a program that was started through /proc is `exe`; elsewhere there is no such file.
+    // For `top` and `killall`, to which a program that was started through /proc is `exe`;
+    // elsewhere there is no such file.
     let _ = fs::write("/proc/self/comm", env!("CARGO_PKG_NAME"));
     let stop = StopRequest::on_signals().map_err(WorkerError::SetUp)?;
     let job = read_job(&stop)?;
-    let spec: RunSpec =
-        serde_json::from_value(job.stamp.spec.clone()).map_err(|error| WorkerError::Job(error.to_string()))?;
+    let spec: RunSpec = serde_json::from_value(job.stamp.spec.clone())
+        .map_err(|error| WorkerError::Job(error.to_string()))?;
     let paths = RunPaths::new(job.results.as_ref(), &spec.experiment, &spec.id)?;
-    let mut run = Planned { spec, paths, stamp: job.stamp };
-    let Some(claim) = Claim::take(&run.paths)? else { return Ok(Event::Claimed) };
+    let mut run = Planned {
+        spec,
+        paths,
+        stamp: job.stamp,
+    };
+    let Some(claim) = Claim::take(&run.paths)? else {
+        return Ok(Event::Claimed);
+    };
     run.paths.settle()?;
     let ended = run.paths.ended()?;
     if let Some(ended) = &ended {
@@ -82,12 +99,18 @@ fn work() -> Result<Event, WorkerError> {
         if ended.outcome == Outcome::Finished {
             match run.spec.trained_steps().cmp(&ended.env_steps) {
                 Ordering::Equal => return Ok(Event::Finished),
-                Ordering::Less => return Err(WorkerError::Longer(run.paths.complete, ended.env_steps)),
+                Ordering::Less => {
+                    return Err(WorkerError::Longer(run.paths.complete, ended.env_steps));
+                }
                 Ordering::Greater => {}
             }
         }
     }
-    if let Some((path, digest)) = run.spec.demonstration.as_ref().zip(run.stamp.demonstration.as_ref())
+    if let Some((path, digest)) = run
+        .spec
+        .demonstration
+        .as_ref()
+        .zip(run.stamp.demonstration.as_ref())
         && Demonstration::digest(path)? != *digest
     {
         return Err(WorkerError::AnotherDemonstration(path.clone()));
@@ -110,26 +133,39 @@ fn work() -> Result<Event, WorkerError> {
     threads::set(job.threads);
     let mut recorder = Recorder::begin(&run.spec, run.paths, claim, stop, manifest, recorded)?;
     let mut clones = recorder.clones();
-    Ok(match train::run_with(&run.spec, &mut clones, state.as_deref(), &mut recorder)? {
-        Ending::Finished => recorder.finish()?,
-        Ending::Stopped => recorder.stop()?,
-    })
+    Ok(
+        match train::run_with(&run.spec, &mut clones, state.as_deref(), &mut recorder)? {
+            Ending::Finished => recorder.finish()?,
+            Ending::Stopped => recorder.stop()?,
+        },
+    )
 }
 
 /// What `run` goes on from: nothing, at its start. A damaged checkpoint is set aside, and told.
 fn last_state(run: &Planned) -> Result<Checkpoint, WorkerError> {
-    let LastState { checkpoint, damaged } = run.last_state()?;
+    let LastState {
+        checkpoint,
+        damaged,
+    } = run.last_state()?;
     for error in damaged {
-        let RecordError::Damaged { path, .. } = &error else { continue };
+        let RecordError::Damaged { path, .. } = &error else {
+            continue;
+        };
         let aside = path.with_extension("damaged");
         fs::rename(path, &aside).map_err(io_error("rename", path))?;
-        let text = format!("{error}; it is kept as {}, and the run resumes from what remains", aside.display());
+        let text = format!(
+            "{error}; it is kept as {}, and the run resumes from what remains",
+            aside.display()
+        );
         warn!("{text}");
         Event::Warned { text }.tell();
     }
     let checkpoint = checkpoint.unwrap_or_default();
     if checkpoint.env_steps() > run.spec.trained_steps() {
-        return Err(WorkerError::Longer(run.paths.partial.clone(), checkpoint.env_steps()));
+        return Err(WorkerError::Longer(
+            run.paths.partial.clone(),
+            checkpoint.env_steps(),
+        ));
     }
     Ok(checkpoint)
 }
@@ -137,7 +173,10 @@ fn last_state(run: &Planned) -> Result<Checkpoint, WorkerError> {
 /// The job on stdin's first line. When stdin ends after it, a stop is asked for.
 fn read_job(stop: &StopRequest) -> Result<Job, WorkerError> {
     let mut line = String::new();
-    io::stdin().lock().read_line(&mut line).map_err(|error| WorkerError::Job(error.to_string()))?;
+    io::stdin()
+        .lock()
+        .read_line(&mut line)
+        .map_err(|error| WorkerError::Job(error.to_string()))?;
     let job = serde_json::from_str(&line).map_err(|error| WorkerError::Job(error.to_string()))?;
     let stop = stop.clone();
     let watch_parent = move || {
@@ -146,15 +185,19 @@ fn read_job(stop: &StopRequest) -> Result<Job, WorkerError> {
         stop.make();
         leave_with_parent();
     };
-    thread::Builder::new().name("parent".to_owned()).spawn(watch_parent).map_err(WorkerError::SetUp)?;
+    thread::Builder::new()
+        .name("parent".to_owned())
+        .spawn(watch_parent)
+        .map_err(WorkerError::SetUp)?;
     Ok(job)
 }
 
 /// The pause between two looks at the parent.
 const LOOK: Duration = Duration::from_millis(200);
 
-/// Ends this process as soon as the parent, which has asked for a stop, leaves without waiting for it: a second Ctrl-C.
-/// Where the parent is gone already its death was the message, and the checkpoint that it asks for is written in peace.
+/// Ends this process as soon as the parent, which has asked for a stop, leaves without waiting for
+/// it: a second Ctrl-C. Where the parent is gone already its death was the message, and the
+/// checkpoint that it asks for is written in peace.
 #[cfg(unix)]
 fn leave_with_parent() {
     use std::os::unix::process::parent_id;
@@ -178,16 +221,25 @@ fn refuse_another(folder: &Path, found: &Manifest, stamp: &Stamp) -> Result<(), 
         return Ok(());
     }
     let (found, expected) = (found.stamp.fingerprint.clone(), stamp.fingerprint.clone());
-    Err(WorkerError::AnotherRun { folder: folder.to_owned(), found, expected })
+    Err(WorkerError::AnotherRun {
+        folder: folder.to_owned(),
+        found,
+        expected,
+    })
 }
 
 /// How the targets of this program's own messages begin.
 const OWN: &str = "mcpo_run";
 
-/// Sends what is logged to `log.txt`; of others, such as the physics engine, without what only their authors want to know.
+/// Sends what is logged to `log.txt`; of others, such as the physics engine, without what only
+/// their authors want to know.
 fn start_log(paths: &RunPaths, verbose: bool) -> Result<(), WorkerError> {
     let log = RunPaths::log(&paths.partial);
-    let log = intake::open(&log, Links::Refuse, OpenOptions::new().create(true).append(true));
+    let log = intake::open(
+        &log,
+        Links::Refuse,
+        OpenOptions::new().create(true).append(true),
+    );
     let subscriber = tracing_subscriber::fmt()
         .with_writer(Mutex::new(log.map_err(WorkerError::SetUp)?))
         .with_ansi(false)
@@ -195,15 +247,21 @@ fn start_log(paths: &RunPaths, verbose: bool) -> Result<(), WorkerError> {
         .with_timer(Clock)
         .with_max_level(if verbose { Level::DEBUG } else { Level::INFO })
         .finish()
-        .with(filter_fn(|metadata| *metadata.level() <= Level::INFO || metadata.target().starts_with(OWN)));
-    tracing::subscriber::set_global_default(subscriber).map_err(|error| WorkerError::SetUp(io::Error::other(error)))
+        .with(filter_fn(|metadata| {
+            *metadata.level() <= Level::INFO || metadata.target().starts_with(OWN)
+        }));
+    tracing::subscriber::set_global_default(subscriber)
+        .map_err(|error| WorkerError::SetUp(io::Error::other(error)))
 }
 
 /// The times in a log: those of the manifest.
 struct Clock;
 
 impl tracing_subscriber::fmt::time::FormatTime for Clock {
-    fn format_time(&self, writer: &mut tracing_subscriber::fmt::format::Writer<'_>) -> std::fmt::Result {
+    fn format_time(
+        &self,
+        writer: &mut tracing_subscriber::fmt::format::Writer<'_>,
+    ) -> std::fmt::Result {
         writer.write_str(&now())
     }
 }

@@ -1,4 +1,5 @@
-//! Adam (Kingma and Ba, 2015). Knows the gradient alone: an L2 penalty is part of the gradient that the caller passes.
+//! Adam (Kingma and Ba, 2015). Knows the gradient alone: an L2 penalty is part of the gradient that
+//! the caller passes.
 
 use pulp::Arch;
 use serde::{Deserialize, Serialize};
@@ -21,23 +22,40 @@ pub struct Adam {
 impl Adam {
     /// Zero moments for `dim` parameters.
     pub fn new(dim: usize) -> Self {
-        Self { first: vec![0.0; dim], second: vec![0.0; dim], steps: 0 }
+        Self {
+            first: vec![0.0; dim],
+            second: vec![0.0; dim],
+            steps: 0,
+        }
     }
 
-    /// Takes one step down `gradient` (`[dim]`) with step size `learning_rate` (0.9, 0.999, epsilon 1e-8). Panics when a
-    /// length is not `dim`.
+    /// Takes one step down `gradient` (`[dim]`) with step size `learning_rate` (0.9, 0.999, epsilon
+    /// 1e-8). Panics when a length is not `dim`.
     pub fn step(&mut self, parameters: &mut [f32], gradient: &[f32], learning_rate: f64) {
         self.step_parts([parameters], gradient, learning_rate);
     }
 
     /// The same for parameters that lie in several places: `parts` are `[dim]` together.
-    pub fn step_parts<const N: usize>(&mut self, parts: [&mut [f32]; N], gradient: &[f32], learning_rate: f64) {
+    pub fn step_parts<const N: usize>(
+        &mut self,
+        parts: [&mut [f32]; N],
+        gradient: &[f32],
+        learning_rate: f64,
+    ) {
         let dim = parts.iter().map(|part| part.len()).sum::<usize>();
-        assert_eq!(dim, self.first.len(), "adam was made for another number of parameters");
-        assert_eq!(gradient.len(), self.first.len(), "the gradient has another dimension than the parameters");
+        assert_eq!(
+            dim,
+            self.first.len(),
+            "adam was made for another number of parameters"
+        );
+        assert_eq!(
+            gradient.len(),
+            self.first.len(),
+            "the gradient has another dimension than the parameters"
+        );
         self.steps += 1;
-        // Both corrections of the start from zero, once a step: what is left for each parameter is one square root and
-        // one division, which the compiler turns into whole vectors of them.
+        // Both corrections of the start from zero, once a step: what is left for each parameter is
+        // one square root and one division, which the compiler turns into whole vectors of them.
         let step_size = (learning_rate / (1.0 - FIRST_DECAY.powf(self.steps as f64))) as f32;
         let scale = (1.0 / (1.0 - SECOND_DECAY.powf(self.steps as f64)).sqrt()) as f32;
         let (keep_first, add_first) = (FIRST_DECAY as f32, (1.0 - FIRST_DECAY) as f32);
@@ -50,8 +68,12 @@ impl Adam {
                 for part in parts {
                     let range = start..start + part.len();
                     start = range.end;
-                    let moments = first[range.clone()].iter_mut().zip(&mut second[range.clone()]);
-                    for ((parameter, &slope), (first, second)) in part.iter_mut().zip(&gradient[range]).zip(moments) {
+                    let moments = first[range.clone()]
+                        .iter_mut()
+                        .zip(&mut second[range.clone()]);
+                    for ((parameter, &slope), (first, second)) in
+                        part.iter_mut().zip(&gradient[range]).zip(moments)
+                    {
                         *first = keep_first * *first + add_first * slope;
                         *second = keep_second * *second + add_second * slope * slope;
                         *parameter -= step_size * *first / (second.sqrt() * scale + EPSILON);
@@ -90,7 +112,11 @@ mod tests {
     ];
 
     fn gradient(parameters: &[f32], t: usize) -> [f32; 3] {
-        [2.0 * parameters[0], (3.0 * (t + 1) as f32).sin(), 1e-3 * parameters[2]]
+        [
+            2.0 * parameters[0],
+            (3.0 * (t + 1) as f32).sin(),
+            1e-3 * parameters[2],
+        ]
     }
 
     #[test]
@@ -102,7 +128,11 @@ mod tests {
             adam.step(&mut parameters, &slope, 0.05);
             for (&found, &wanted) in parameters.iter().zip(wanted) {
                 // One unit in the last place of 2 is 2.4e-7.
-                assert!((f64::from(found) - wanted).abs() < 5e-7, "step {}: {found} but numpy has {wanted}", t + 1);
+                assert!(
+                    (f64::from(found) - wanted).abs() < 5e-7,
+                    "step {}: {found} but numpy has {wanted}",
+                    t + 1
+                );
             }
         }
     }

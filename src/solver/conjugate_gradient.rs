@@ -1,4 +1,5 @@
-//! Conjugate gradient for `A x = b`, where `A` is known by its products (Hestenes and Stiefel, 1952).
+//! Conjugate gradient for `A x = b`, where `A` is known by its products (Hestenes and Stiefel,
+//! 1952).
 
 use super::{LinearOperator, dot};
 
@@ -14,12 +15,14 @@ pub struct Limits {
 /// Why [`solve`] stopped.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Stop {
-    /// The residual is as small as [`Limits::relative_residual`] asks, or the right-hand side is zero.
+    /// The residual is as small as [`Limits::relative_residual`] asks, or the right-hand side is
+    /// zero.
     Converged,
     /// [`Limits::iterations`] products are spent.
     IterationLimit,
-    /// A direction `p` of the search had `p.Ap` at or below 0 or not finite: the operator is not positive definite, or
-    /// the right-hand side is not finite, or nothing but rounding is left of the residual.
+    /// A direction `p` of the search had `p.Ap` at or below 0 or not finite: the operator is not
+    /// positive definite, or the right-hand side is not finite, or nothing but rounding is left of
+    /// the residual.
     Breakdown {
         /// `p.Ap`.
         curvature: f64,
@@ -29,25 +32,33 @@ pub enum Stop {
 /// The result of [`solve`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Solution {
-    /// The approximate solution `[dim]`. Since conjugate gradient leaves a residual orthogonal to it, `x.Ax` is `x.rhs`
-    /// (up to f32 rounding) however early it stopped: that quadratic form costs a dot product, not an operator product.
+    /// The approximate solution `[dim]`. Since conjugate gradient leaves a residual orthogonal to
+    /// it, `x.Ax` is `x.rhs` (up to f32 rounding) however early it stopped: that quadratic form
+    /// costs a dot product, not an operator product.
     pub x: Vec<f32>,
     /// Products taken.
     pub iterations: usize,
-    /// The residual's norm relative to the right-hand side's, as the recursion has it; 0 for a zero right-hand side.
+    /// The residual's norm relative to the right-hand side's, as the recursion has it; 0 for a zero
+    /// right-hand side.
     pub relative_residual: f64,
     /// Why it stopped.
     pub stop: Stop,
 }
 
-/// The approximate solution of `operator x = rhs`, starting from zero, with one product an iteration. A zero right-hand
-/// side gives zero without a product; a breakdown gives the last sound `x`.
+/// The approximate solution of `operator x = rhs`, starting from zero, with one product an
+/// iteration. A zero right-hand side gives zero without a product; a breakdown gives the last sound
+/// `x`.
 pub fn solve(operator: &mut dyn LinearOperator, rhs: &[f32], limits: Limits) -> Solution {
     debug_assert_eq!(rhs.len(), operator.dim());
     let mut x = vec![0.0f32; rhs.len()];
     let initial = dot(rhs, rhs);
     if initial == 0.0 {
-        return Solution { x, iterations: 0, relative_residual: 0.0, stop: Stop::Converged };
+        return Solution {
+            x,
+            iterations: 0,
+            relative_residual: 0.0,
+            stop: Stop::Converged,
+        };
     }
     let enough = limits.relative_residual * limits.relative_residual;
     let mut residual = rhs.to_vec();
@@ -78,7 +89,12 @@ pub fn solve(operator: &mut dyn LinearOperator, rhs: &[f32], limits: Limits) -> 
         }
         squared = next;
     };
-    Solution { x, iterations, relative_residual: (squared / initial).sqrt(), stop }
+    Solution {
+        x,
+        iterations,
+        relative_residual: (squared / initial).sqrt(),
+        stop,
+    }
 }
 
 /// `y += a x`.
@@ -106,8 +122,14 @@ mod tests {
 
         /// `M M^T + I` of a square matrix: positive definite.
         fn from_factor(factor: &[Vec<f32>]) -> Self {
-            let entry = |i: usize, j: usize| dot(&factor[i], &factor[j]) as f32 + f32::from(u8::from(i == j));
-            Self::new((0..factor.len()).map(|i| (0..factor.len()).map(|j| entry(i, j)).collect()).collect())
+            let entry = |i: usize, j: usize| {
+                dot(&factor[i], &factor[j]) as f32 + f32::from(u8::from(i == j))
+            };
+            Self::new(
+                (0..factor.len())
+                    .map(|i| (0..factor.len()).map(|j| entry(i, j)).collect())
+                    .collect(),
+            )
         }
     }
 
@@ -118,19 +140,29 @@ mod tests {
 
         fn apply(&mut self, x: &[f32], product: &mut [f32]) {
             self.products += 1;
-            product.iter_mut().zip(&self.rows).for_each(|(y, row)| *y = dot(row, x) as f32);
+            product
+                .iter_mut()
+                .zip(&self.rows)
+                .for_each(|(y, row)| *y = dot(row, x) as f32);
         }
     }
 
-    const EXACT: Limits = Limits { iterations: 100, relative_residual: 1e-6 };
+    const EXACT: Limits = Limits {
+        iterations: 100,
+        relative_residual: 1e-6,
+    };
 
     #[test]
     fn a_direction_without_positive_curvature_stops_with_what_it_has() {
         let mut negative = Dense::new(vec![vec![-1.0, 0.0], vec![0.0, -1.0]]);
         let solution = solve(&mut negative, &[3.0, 4.0], EXACT);
         assert_eq!(solution.stop, Stop::Breakdown { curvature: -25.0 });
-        assert_eq!((solution.x, solution.iterations, solution.relative_residual), (vec![0.0, 0.0], 1, 1.0));
-        // The first direction (1, 1) has curvature 1; the second meets the negative one: the first's share stays.
+        assert_eq!(
+            (solution.x, solution.iterations, solution.relative_residual),
+            (vec![0.0, 0.0], 1, 1.0)
+        );
+        // The first direction (1, 1) has curvature 1; the second meets the negative one: the
+        // first's share stays.
         let mut indefinite = Dense::new(vec![vec![2.0, 0.0], vec![0.0, -1.0]]);
         let solution = solve(&mut indefinite, &[1.0, 1.0], EXACT);
         assert!(matches!(solution.stop, Stop::Breakdown { curvature } if curvature < 0.0));
@@ -154,35 +186,64 @@ mod tests {
     fn a_zero_right_hand_side_takes_no_product() {
         let mut identity = Dense::new(vec![vec![1.0, 0.0], vec![0.0, 1.0]]);
         let solution = solve(&mut identity, &[0.0, 0.0], EXACT);
-        assert_eq!((solution.x, solution.iterations, solution.stop), (vec![0.0, 0.0], 0, Stop::Converged));
+        assert_eq!(
+            (solution.x, solution.iterations, solution.stop),
+            (vec![0.0, 0.0], 0, Stop::Converged)
+        );
         assert_eq!((solution.relative_residual, identity.products), (0.0, 0));
     }
 
     #[test]
     fn it_takes_no_more_products_than_allowed_and_says_what_is_left() {
-        let diagonal = |i: usize| (0..8).map(|j| if i == j { (i + 1) as f32 } else { 0.0 }).collect();
+        let diagonal = |i: usize| {
+            (0..8)
+                .map(|j| if i == j { (i + 1) as f32 } else { 0.0 })
+                .collect()
+        };
         let mut operator = Dense::new((0..8).map(diagonal).collect());
         let rhs = [1.0; 8];
         for iterations in 0..8 {
             operator.products = 0;
-            let solution = solve(&mut operator, &rhs, Limits { iterations, relative_residual: 0.0 });
+            let solution = solve(
+                &mut operator,
+                &rhs,
+                Limits {
+                    iterations,
+                    relative_residual: 0.0,
+                },
+            );
             assert_eq!(
                 (solution.iterations, operator.products, solution.stop),
                 (iterations, iterations, Stop::IterationLimit)
             );
-            let left: f64 = (0..8).map(|i| f64::from(1.0 - (i + 1) as f32 * solution.x[i]).powi(2)).sum();
+            let left: f64 = (0..8)
+                .map(|i| f64::from(1.0 - (i + 1) as f32 * solution.x[i]).powi(2))
+                .sum();
             assert!((solution.relative_residual - (left / 8.0).sqrt()).abs() < 1e-6);
             // What `Solution::x` promises of an early stop.
-            let quadratic: f64 = (0..8).map(|i| (i + 1) as f64 * f64::from(solution.x[i]).powi(2)).sum();
+            let quadratic: f64 = (0..8)
+                .map(|i| (i + 1) as f64 * f64::from(solution.x[i]).powi(2))
+                .sum();
             assert!((quadratic - dot(&rhs, &solution.x)).abs() < 1e-6);
         }
     }
 
     #[test]
     fn it_stops_at_the_residual_asked_for() {
-        let diagonal = |i: usize| (0..8).map(|j| if i == j { (i + 1) as f32 } else { 0.0 }).collect();
+        let diagonal = |i: usize| {
+            (0..8)
+                .map(|j| if i == j { (i + 1) as f32 } else { 0.0 })
+                .collect()
+        };
         let mut operator = Dense::new((0..8).map(diagonal).collect());
-        let solution = solve(&mut operator, &[1.0; 8], Limits { iterations: 8, relative_residual: 0.1 });
+        let solution = solve(
+            &mut operator,
+            &[1.0; 8],
+            Limits {
+                iterations: 8,
+                relative_residual: 0.1,
+            },
+        );
         assert_eq!(solution.stop, Stop::Converged);
         assert!(solution.relative_residual <= 0.1 && solution.iterations < 8);
     }
@@ -197,7 +258,8 @@ mod tests {
             let mut rhs = vec![0.0; 6];
             operator.apply(&x, &mut rhs);
             let solution = solve(&mut operator, &rhs, EXACT);
-            // Eigenvalues lie in [1, 13], so the error of x is at most 13 times the residual's 1e-6, plus f32 rounding.
+            // Eigenvalues lie in [1, 13], so the error of x is at most 13 times the residual's
+            // 1e-6, plus f32 rounding.
             for (found, wanted) in solution.x.iter().zip(&x) {
                 prop_assert!((found - wanted).abs() < 1e-4, "{solution:?} for {x:?}");
             }

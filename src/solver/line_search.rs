@@ -1,9 +1,10 @@
-//! Backtracking line search: the first of a halving sequence of fractions of a step that is accepted, each corrected for the
-//! curvature of a constraint before it is given up.
+//! Backtracking line search: the first of a halving sequence of fractions of a step that is
+//! accepted, each corrected for the curvature of a constraint before it is given up.
 //!
-//! Where a linear constraint is active, the step runs along the tangent of the curved one, which curvature then carries it
-//! over: halving alone stalls, at steps whose square is what the constraint forgives (the Maratos effect; Nocedal and
-//! Wright, 2006, section 18.3). The correction moves the trial back along `w = H^-1 b`, the shortest way in H's norm.
+//! Where a linear constraint is active, the step runs along the tangent of the curved one, which
+//! curvature then carries it over: halving alone stalls, at steps whose square is what the
+//! constraint forgives (the Maratos effect; Nocedal and Wright, 2006, section 18.3). The correction
+//! moves the trial back along `w = H^-1 b`, the shortest way in H's norm.
 
 use super::{Step, Theta};
 
@@ -37,7 +38,8 @@ pub struct Trial<'a> {
     pub theta: &'a Theta,
     /// The fraction of the step that it took.
     pub fraction: f64,
-    /// Whether it can still be corrected: an [excess](Refused::Excess) is then moved away and the trial judged again.
+    /// Whether it can still be corrected: an [excess](Refused::Excess) is then moved away and the
+    /// trial judged again.
     pub correctable: bool,
 }
 
@@ -59,8 +61,9 @@ pub struct WayBack {
     pub slope: f64,
 }
 
-/// Judges `theta + fraction * step` for the fractions 1, 1/2, 1/4 ... and stops at the first that is accepted, or after `trials`
-/// of them. The starting point is only read, so that a rejected search cannot have moved it.
+/// Judges `theta + fraction * step` for the fractions 1, 1/2, 1/4 ... and stops at the first that
+/// is accepted, or after `trials` of them. The starting point is only read, so that a rejected
+/// search cannot have moved it.
 pub fn backtrack<A, R>(
     theta: &Theta,
     step: &Step,
@@ -71,8 +74,9 @@ pub fn backtrack<A, R>(
     backtrack_corrected(theta, step, trials, 0, || None, judge)
 }
 
-/// The same, where a trial that exceeds a constraint is first corrected, up to `corrections` times: moved by
-/// `-excess / (b.w) w` and judged again. `way_back` is asked for at the first excess, and at most once.
+/// The same, where a trial that exceeds a constraint is first corrected, up to `corrections` times:
+/// moved by `-excess / (b.w) w` and judged again. `way_back` is asked for at the first excess, and
+/// at most once.
 pub fn backtrack_corrected<A, R>(
     theta: &Theta,
     step: &Step,
@@ -91,7 +95,11 @@ pub fn backtrack_corrected<A, R>(
         let mut corrected = 0;
         loop {
             let correctable = corrected < corrections && (unasked.is_some() || way_back.is_some());
-            match judge(Trial { theta: &trial, fraction, correctable }) {
+            match judge(Trial {
+                theta: &trial,
+                fraction,
+                correctable,
+            }) {
                 Ok(verdict) => {
                     return Search::Accepted {
                         fraction,
@@ -133,8 +141,14 @@ mod tests {
     #[test]
     fn a_rejected_search_gives_every_reason_in_order() {
         let (theta, step) = start();
-        let found: Search<(), f32> = backtrack(&theta, &step, 4, |trial| Err(trial.theta.as_slice()[0]));
-        assert_eq!(found, Search::Rejected { reasons: vec![9.0, 5.0, 3.0, 2.0] });
+        let found: Search<(), f32> =
+            backtrack(&theta, &step, 4, |trial| Err(trial.theta.as_slice()[0]));
+        assert_eq!(
+            found,
+            Search::Rejected {
+                reasons: vec![9.0, 5.0, 3.0, 2.0]
+            }
+        );
         assert_eq!(theta, start().0);
     }
 
@@ -155,7 +169,16 @@ mod tests {
             if x < 4.0 { Ok(x) } else { Err("too far") }
         });
         let theta = Theta::new(vec![3.0, 0.0]);
-        assert_eq!(found, Search::Accepted { fraction: 0.25, trials: 3, corrections: 0, theta, verdict: 3.0 });
+        assert_eq!(
+            found,
+            Search::Accepted {
+                fraction: 0.25,
+                trials: 3,
+                corrections: 0,
+                theta,
+                verdict: 3.0
+            }
+        );
         assert_eq!(judged, 3);
     }
 
@@ -164,26 +187,49 @@ mod tests {
         let (theta, step) = start();
         let found: Search<(), ()> = backtrack(&theta, &step, 1, |_| Ok(()));
         let theta = Theta::new(vec![9.0, -6.0]);
-        assert_eq!(found, Search::Accepted { fraction: 1.0, trials: 1, corrections: 0, theta, verdict: () });
+        assert_eq!(
+            found,
+            Search::Accepted {
+                fraction: 1.0,
+                trials: 1,
+                corrections: 0,
+                theta,
+                verdict: ()
+            }
+        );
     }
 
-    /// A step of at most `length` that brings `(x, y)` to the right on the disc `x^2 + y^2 <= 1`, from its lowest point: the
-    /// tangent there, which leaves the disc at once.
+    /// A step of at most `length` that brings `(x, y)` to the right on the disc `x^2 + y^2 <= 1`,
+    /// from its lowest point: the tangent there, which leaves the disc at once.
     fn along_the_circle(length: f32, corrections: usize) -> (Search<f64, &'static str>, usize) {
         let theta = Theta::new(vec![0.0, -1.0]);
         let mut judged = 0;
         // H is the identity: w = b = grad(x^2 + y^2) = (0, -2), b.w = 4.
-        let way_back = || Some(WayBack { direction: Step::new(vec![0.0, -2.0]), slope: 4.0 });
-        let found = backtrack_corrected(&theta, &Step::new(vec![length, 0.0]), 10, corrections, way_back, |trial| {
-            judged += 1;
-            let [x, y] = *trial.theta.as_slice() else { unreachable!("two numbers") };
-            let excess = f64::from(x).powi(2) + f64::from(y).powi(2) - 1.0;
-            match excess {
-                e if e <= 1e-6 => Ok(f64::from(x)),
-                e if trial.correctable => Err(Refused::Excess(e)),
-                _ => Err(Refused::Because("outside")),
-            }
-        });
+        let way_back = || {
+            Some(WayBack {
+                direction: Step::new(vec![0.0, -2.0]),
+                slope: 4.0,
+            })
+        };
+        let found = backtrack_corrected(
+            &theta,
+            &Step::new(vec![length, 0.0]),
+            10,
+            corrections,
+            way_back,
+            |trial| {
+                judged += 1;
+                let [x, y] = *trial.theta.as_slice() else {
+                    unreachable!("two numbers")
+                };
+                let excess = f64::from(x).powi(2) + f64::from(y).powi(2) - 1.0;
+                match excess {
+                    e if e <= 1e-6 => Ok(f64::from(x)),
+                    e if trial.correctable => Err(Refused::Excess(e)),
+                    _ => Err(Refused::Because("outside")),
+                }
+            },
+        );
         (found, judged)
     }
 
@@ -196,29 +242,56 @@ mod tests {
         }
         assert!(judged >= 9);
         let (corrected, judged) = along_the_circle(0.4, 5);
-        let Search::Accepted { fraction, corrections, verdict, .. } = corrected else { panic!("{corrected:?}") };
-        assert_eq!((fraction, verdict), (1.0, f64::from(0.4_f32)), "the whole way");
-        assert!(corrections >= 2 && judged == corrections + 1, "{corrections} of {judged}");
+        let Search::Accepted {
+            fraction,
+            corrections,
+            verdict,
+            ..
+        } = corrected
+        else {
+            panic!("{corrected:?}")
+        };
+        assert_eq!(
+            (fraction, verdict),
+            (1.0, f64::from(0.4_f32)),
+            "the whole way"
+        );
+        assert!(
+            corrections >= 2 && judged == corrections + 1,
+            "{corrections} of {judged}"
+        );
     }
 
     #[test]
     fn without_a_way_back_a_trial_is_judged_uncorrectable() {
         let (theta, step) = start();
-        for way in [None, Some(WayBack { direction: Step::new(vec![1.0, 0.0]), slope: f64::NAN })] {
+        for way in [
+            None,
+            Some(WayBack {
+                direction: Step::new(vec![1.0, 0.0]),
+                slope: f64::NAN,
+            }),
+        ] {
             let mut asked = 0;
             let mut uncorrectable = 0;
             let way_back = || {
                 asked += 1;
                 way
             };
-            let found: Search<(), _> = backtrack_corrected(&theta, &step, 3, 2, way_back, |trial| {
-                if trial.correctable {
-                    return Err(Refused::Excess(1.0));
+            let found: Search<(), _> =
+                backtrack_corrected(&theta, &step, 3, 2, way_back, |trial| {
+                    if trial.correctable {
+                        return Err(Refused::Excess(1.0));
+                    }
+                    uncorrectable += 1;
+                    Err(Refused::Because("too far"))
+                });
+            assert_eq!(
+                found,
+                Search::Rejected {
+                    reasons: vec!["too far"; 3]
                 }
-                uncorrectable += 1;
-                Err(Refused::Because("too far"))
-            });
-            assert_eq!(found, Search::Rejected { reasons: vec!["too far"; 3] });
+            );
             assert_eq!((asked, uncorrectable), (1, 3));
         }
     }

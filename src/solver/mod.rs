@@ -1,9 +1,10 @@
-//! The MCPO solver: minimise a linear function under a linear and a quadratic constraint, when the quadratic form is
-//! known only by its products with vectors.
+//! The MCPO solver: minimise a linear function under a linear and a quadratic constraint, when the
+//! quadratic form is known only by its products with vectors.
 //!
-//! Owns the constrained step, conjugate gradient, the dual of the two-constraint problem (appendix, Eq. 5 to 14), the
-//! backtracking line search and Adam. Knows no word of reinforcement learning: vectors, operators and numbers alone.
-//! Start at [`constrained_step`], which reads like the appendix, and at [`dual`], its heart.
+//! Owns the constrained step, conjugate gradient, the dual of the two-constraint problem (appendix,
+//! Eq. 5 to 14), the backtracking line search and Adam. Knows no word of reinforcement learning:
+//! vectors, operators and numbers alone. Start at [`constrained_step`], which reads like the
+//! appendix, and at [`dual`], its heart.
 //!
 //! Vectors are f32; their dot products are summed in f64.
 
@@ -63,7 +64,10 @@ impl Theta {
     fn advance(&mut self, step: &Step, fraction: f64) {
         debug_assert_eq!(self.0.len(), step.0.len());
         let fraction = fraction as f32;
-        self.0.iter_mut().zip(&step.0).for_each(|(here, &along)| *here += fraction * along);
+        self.0
+            .iter_mut()
+            .zip(&step.0)
+            .for_each(|(here, &along)| *here += fraction * along);
     }
 }
 
@@ -86,7 +90,8 @@ impl Step {
 /// The dot product, summed in f64.
 pub fn dot(a: &[f32], b: &[f32]) -> f64 {
     debug_assert_eq!(a.len(), b.len());
-    // So many partial sums that no addition waits for another, in an order that no width of registers changes.
+    // So many partial sums that no addition waits for another, in an order that no width of
+    // registers changes.
     const SUMS: usize = 32;
     let (heads, tail) = a.as_chunks::<SUMS>();
     let (other_heads, other_tail) = b.as_chunks::<SUMS>();
@@ -102,7 +107,11 @@ pub fn dot(a: &[f32], b: &[f32]) -> f64 {
             sums
         },
     );
-    let rest: f64 = tail.iter().zip(other_tail).map(|(&x, &y)| f64::from(x) * f64::from(y)).sum();
+    let rest: f64 = tail
+        .iter()
+        .zip(other_tail)
+        .map(|(&x, &y)| f64::from(x) * f64::from(y))
+        .sum();
     sums.iter().sum::<f64>() + rest
 }
 
@@ -128,7 +137,10 @@ mod tests {
     #[test]
     fn a_point_moves_by_a_fraction_of_a_step() {
         let theta = Theta::new(vec![1.0, -2.0]);
-        assert_eq!(theta.moved(&Step::new(vec![4.0, 8.0]), 0.25), Theta::new(vec![2.0, 0.0]));
+        assert_eq!(
+            theta.moved(&Step::new(vec![4.0, 8.0]), 0.25),
+            Theta::new(vec![2.0, 0.0])
+        );
         assert_eq!(theta.moved(&Step::new(vec![4.0, 8.0]), 0.0), theta);
     }
 }

@@ -16,11 +16,18 @@ use super::{
     source::{self, AxisList, Layer, Source, Step},
 };
 
-/// Reads, merges and checks everything; `text` stands for the file's, without environment variables.
-pub(super) fn assemble(path: &Path, text: Option<&str>, overrides: &Overrides) -> Result<ExperimentSpec, SpecErrors> {
+/// Reads, merges and checks everything; `text` stands for the file's, without environment
+/// variables.
+pub(super) fn assemble(
+    path: &Path,
+    text: Option<&str>,
+    overrides: &Overrides,
+) -> Result<ExperimentSpec, SpecErrors> {
     let (mut layers, mut errors) = source::files(path, text);
     if layers.is_empty() {
-        return Err(SpecErrors::none_or(errors).expect_err("a file that was not read has its error"));
+        return Err(
+            SpecErrors::none_or(errors).expect_err("a file that was not read has its error")
+        );
     }
     let (stronger, wrong) = source::overriding(overrides, text.is_none());
     layers.extend(stronger);
@@ -42,12 +49,30 @@ pub(super) fn assemble(path: &Path, text: Option<&str>, overrides: &Overrides) -
         tables.push(checked.table);
     }
     // A list with a mistake of its own replaces nothing.
-    axes.retain(|axis| !errors.iter().any(|error| error.place == axis.layer.place(0..0)));
+    axes.retain(|axis| {
+        !errors
+            .iter()
+            .any(|error| error.place == axis.layer.place(0..0))
+    });
 
     let merged = layers::merge(tables);
-    let (mut spec, indices) =
-        build(merged, path, &Written { sources: &sources, axes: &axes, robots: &robots }, &mut errors);
-    let draft = Draft { spec: &spec, indices: &indices, sources: &sources, axes: &axes, known: &errors };
+    let (mut spec, indices) = build(
+        merged,
+        path,
+        &Written {
+            sources: &sources,
+            axes: &axes,
+            robots: &robots,
+        },
+        &mut errors,
+    );
+    let draft = Draft {
+        spec: &spec,
+        indices: &indices,
+        sources: &sources,
+        axes: &axes,
+        known: &errors,
+    };
     let findings = draft.check();
     errors.extend(findings.errors);
     spec.missing = findings.missing;
@@ -69,33 +94,50 @@ fn anchor(table: &mut toml::Table, layer: &Layer) {
         join(path, layer.folder());
     }
     if let Some(toml::Value::Table(environments)) = table.get_mut("environments") {
-        environments.iter_mut().filter_map(|(_, own)| own.get_mut(KEY)).for_each(|path| join(path, layer.folder()));
+        environments
+            .iter_mut()
+            .filter_map(|(_, own)| own.get_mut(KEY))
+            .for_each(|path| join(path, layer.folder()));
     }
     if let Some(toml::Value::Array(blocks)) = table.get_mut("matrix") {
-        blocks.iter_mut().filter_map(|block| block.get_mut(KEY)).for_each(|path| join(path, layer.folder()));
+        blocks
+            .iter_mut()
+            .filter_map(|block| block.get_mut(KEY))
+            .for_each(|path| join(path, layer.folder()));
     }
 }
 
-/// The specification that `merged` describes, and where in the file's list each of its blocks stands.
+/// The specification that `merged` describes, and where in the file's list each of its blocks
+/// stands.
 fn build(
     mut merged: toml::Table,
     path: &Path,
     written: &Written<'_>,
     errors: &mut Vec<SpecError>,
 ) -> (ExperimentSpec, Vec<usize>) {
-    let text =
-        |value: Option<toml::Value>| value.and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default();
+    let text = |value: Option<toml::Value>| {
+        value
+            .and_then(|value| value.as_str().map(str::to_owned))
+            .unwrap_or_default()
+    };
     let table = |value: Option<toml::Value>| match value {
         Some(toml::Value::Table(table)) => table,
         _ => toml::Table::new(),
     };
     let name = text(merged.remove("name"));
     let description = text(merged.remove("description"));
-    let (indices, matrix) = blocks(merged.remove("matrix"), written, errors).into_iter().unzip();
+    let (indices, matrix) = blocks(merged.remove("matrix"), written, errors)
+        .into_iter()
+        .unzip();
     let algorithms = table(merged.remove("algorithms"));
     let environments = table(merged.remove("environments"))
         .into_iter()
-        .filter_map(|(name, own)| Some((written.robots.find(&name).ok()?, settings_of(own.as_table()?))))
+        .filter_map(|(name, own)| {
+            Some((
+                written.robots.find(&name).ok()?,
+                settings_of(own.as_table()?),
+            ))
+        })
         .collect();
     let figures = list(merged.remove("figures"));
     let tables = list(merged.remove("tables"));
@@ -105,10 +147,20 @@ fn build(
     let folder = path.parent().unwrap_or(Path::new("")).to_owned();
     // Where nothing else is said, demonstrations lie beside the file that the others extend.
     let mut settings = toml::Table::new();
-    let first = written.sources.first().map_or(folder.as_path(), |source| source.layer.folder());
-    let beside = first.join(Settings::DEMONSTRATIONS).to_string_lossy().into_owned();
+    let first = written
+        .sources
+        .first()
+        .map_or(folder.as_path(), |source| source.layer.folder());
+    let beside = first
+        .join(Settings::DEMONSTRATIONS)
+        .to_string_lossy()
+        .into_owned();
     settings.insert("demonstrations".into(), toml::Value::String(beside));
-    settings.extend(merged.into_iter().filter(|(key, _)| Catalog::get().settings.schema(&[key.as_str()]).is_some()));
+    settings.extend(
+        merged
+            .into_iter()
+            .filter(|(key, _)| Catalog::get().settings.schema(&[key.as_str()]).is_some()),
+    );
     let spec = ExperimentSpec {
         name,
         description,
@@ -140,7 +192,9 @@ struct Written<'a> {
 /// Of an environment's table, without what describes a robot.
 fn settings_of(table: &toml::Table) -> toml::Table {
     let settings = table.iter().filter(|(key, _)| !is_robots_alone(key));
-    settings.map(|(key, value)| (key.clone(), value.clone())).collect()
+    settings
+        .map(|(key, value)| (key.clone(), value.clone()))
+        .collect()
 }
 
 /// Makes -0.0, which no parameter tells from 0.0, the 0.0 that it means.
@@ -148,31 +202,54 @@ fn without_negative_zero(value: &mut toml::Value) {
     match value {
         toml::Value::Float(number) => *number += 0.0,
         toml::Value::Array(values) => values.iter_mut().for_each(without_negative_zero),
-        toml::Value::Table(table) => table.iter_mut().for_each(|(_, value)| without_negative_zero(value)),
+        toml::Value::Table(table) => table
+            .iter_mut()
+            .for_each(|(_, value)| without_negative_zero(value)),
         _ => {}
     }
 }
 
 /// The elements that are what they should be; the others have their messages.
 fn list<T: DeserializeOwned>(value: Option<toml::Value>) -> Vec<T> {
-    let elements = value.and_then(|value| value.as_array().cloned()).unwrap_or_default();
-    elements.into_iter().filter_map(|element| element.try_into().ok()).collect()
+    let elements = value
+        .and_then(|value| value.as_array().cloned())
+        .unwrap_or_default();
+    elements
+        .into_iter()
+        .filter_map(|element| element.try_into().ok())
+        .collect()
 }
 
 /// The blocks with their indices, their axes in the order of the file.
 fn blocks(
     value: Option<toml::Value>,
-    &Written { sources, axes, robots }: &Written<'_>,
+    &Written {
+        sources,
+        axes,
+        robots,
+    }: &Written<'_>,
     errors: &mut Vec<SpecError>,
 ) -> Vec<(usize, Block)> {
-    let tables = value.and_then(|value| value.as_array().cloned()).unwrap_or_default();
+    let tables = value
+        .and_then(|value| value.as_array().cloned())
+        .unwrap_or_default();
     let mut had: Vec<String> = Vec::new();
     let mut blocks = Vec::new();
     for (index, table) in tables.into_iter().enumerate() {
-        let toml::Value::Table(table) = table else { continue };
+        let toml::Value::Table(table) = table else {
+            continue;
+        };
         let start = |key: &str| {
-            let way = [Step::Key("matrix".into()), Step::Index(index), Step::Key(key.into())];
-            sources.iter().rev().find_map(|source| source.span(&way)).map_or(0, |span| span.start)
+            let way = [
+                Step::Key("matrix".into()),
+                Step::Index(index),
+                Step::Key(key.into()),
+            ];
+            sources
+                .iter()
+                .rev()
+                .find_map(|source| source.span(&way))
+                .map_or(0, |span| span.start)
         };
         let mut lists: Vec<_> = table
             .into_iter()
@@ -187,13 +264,26 @@ fn blocks(
             values.iter_mut().for_each(without_negative_zero);
             match key.as_str() {
                 "seed" => {
-                    block.seed = values.iter().filter_map(|seed| u64::try_from(seed.as_integer()?).ok()).collect()
+                    block.seed = values
+                        .iter()
+                        .filter_map(|seed| u64::try_from(seed.as_integer()?).ok())
+                        .collect()
                 }
-                "env" => block.env = values.iter().filter_map(|name| robots.find(name.as_str()?).ok()).collect(),
+                "env" => {
+                    block.env = values
+                        .iter()
+                        .filter_map(|name| robots.find(name.as_str()?).ok())
+                        .collect()
+                }
                 "algorithm" => {
-                    block.algorithm = values.iter().filter_map(|name| name.as_str().map(str::to_owned)).collect();
+                    block.algorithm = values
+                        .iter()
+                        .filter_map(|name| name.as_str().map(str::to_owned))
+                        .collect();
                 }
-                _ => block.axes.extend(Parameter::find(&key).map(|parameter| Axis { parameter, values })),
+                _ => block
+                    .axes
+                    .extend(Parameter::find(&key).map(|parameter| Axis { parameter, values })),
             }
             had.push(key);
         }
@@ -203,7 +293,11 @@ fn blocks(
         errors.push(SpecError {
             message: format!("no block of the matrix has the axis `{}`", axis.key),
             place: axis.layer.place(0..0),
-            label: nearest_label("axis", &axis.key, BLOCK_KEYS.into_iter().chain(had.iter().map(String::as_str))),
+            label: nearest_label(
+                "axis",
+                &axis.key,
+                BLOCK_KEYS.into_iter().chain(had.iter().map(String::as_str)),
+            ),
             help: None,
             about: Vec::new(),
         });

@@ -1,7 +1,8 @@
 //! Every key that a matrix can set, and the check of one value at a time.
 //!
-//! A key is checked by putting its value, alone, into a valid specimen of its type and reading that. So each wrong value
-//! of a file is found, not the first alone, and the types themselves are the only judge of what is allowed.
+//! A key is checked by putting its value, alone, into a valid specimen of its type and reading
+//! that. So each wrong value of a file is found, not the first alone, and the types themselves are
+//! the only judge of what is allowed.
 
 use std::{borrow::Cow, collections::BTreeSet, ops::Range, sync::LazyLock};
 
@@ -51,43 +52,75 @@ pub(super) struct Refusal {
 impl Section {
     /// The section of the type `T`.
     pub(super) fn of<T: Serialize + DeserializeOwned + JsonSchema + 'static>(specimen: &T) -> Self {
-        Self::new(generator().into_root_schema_for::<T>().to_value(), text(specimen), Box::new(read::<T>))
+        Self::new(
+            generator().into_root_schema_for::<T>().to_value(),
+            text(specimen),
+            Box::new(read::<T>),
+        )
     }
 
     /// The section of an algorithm's hyperparameters.
     fn algorithm(entry: &'static dyn Entry) -> Self {
         let mut schema = entry.schema(generator());
-        schema.as_object_mut().and_then(|fields| fields.remove("title"));
+        schema
+            .as_object_mut()
+            .and_then(|fields| fields.remove("title"));
         let specimen = text(&entry.defaults(EnvId::HalfCheetah).hyperparameters());
-        Self::new(schema, specimen, Box::new(|table| entry.read(Deserializer::from(table)).map(drop)))
+        Self::new(
+            schema,
+            specimen,
+            Box::new(|table| entry.read(Deserializer::from(table)).map(drop)),
+        )
     }
 
     fn new(schema: Json, specimen: String, read: Box<Read>) -> Self {
         let mut leaves = BTreeSet::new();
         collect_leaves(&schema, "", &mut leaves);
-        Self { schema, leaves, specimen, read }
+        Self {
+            schema,
+            leaves,
+            specimen,
+            read,
+        }
     }
 
     /// The JSON Schema of the key at `path`; `None` when there is no such key.
     pub(super) fn schema(&self, path: &[&str]) -> Option<&Json> {
-        path.iter().try_fold(&self.schema, |schema, key| schema.get("properties")?.get(key))
+        path.iter().try_fold(&self.schema, |schema, key| {
+            schema.get("properties")?.get(key)
+        })
     }
 
     /// The keys of the table at `path`; `None` when a value belongs there.
     pub(super) fn keys(&self, path: &[&str]) -> Option<impl Iterator<Item = &str>> {
-        Some(self.schema(path)?.get("properties")?.as_object()?.keys().map(String::as_str))
+        Some(
+            self.schema(path)?
+                .get("properties")?
+                .as_object()?
+                .keys()
+                .map(String::as_str),
+        )
     }
 
     /// Whether a list may stand at `key`.
     pub(super) fn takes_lists(&self, key: &str) -> bool {
         let is_list = |schema: &Json| schema["type"] == "array";
-        let forms = |schema: &Json| schema["anyOf"].as_array().is_some_and(|forms| forms.iter().any(is_list));
-        self.schema(&[key]).is_some_and(|schema| is_list(schema) || forms(schema))
+        let forms = |schema: &Json| {
+            schema["anyOf"]
+                .as_array()
+                .is_some_and(|forms| forms.iter().any(is_list))
+        };
+        self.schema(&[key])
+            .is_some_and(|schema| is_list(schema) || forms(schema))
     }
 
     /// The keys without which a table of this type is incomplete.
     pub(super) fn required(&self) -> impl Iterator<Item = &str> {
-        self.schema["required"].as_array().into_iter().flatten().filter_map(Json::as_str)
+        self.schema["required"]
+            .as_array()
+            .into_iter()
+            .flatten()
+            .filter_map(Json::as_str)
     }
 
     /// The dotted keys of all values.
@@ -96,21 +129,41 @@ impl Section {
     }
 
     /// Whether `value` may stand at `path`.
-    pub(super) fn check<'a>(&'a self, path: &[&str], value: &Spanned<DeValue<'a>>) -> Result<(), Refusal> {
-        let mut candidate = DeTable::parse(&self.specimen).expect("what was written as TOML is TOML");
+    pub(super) fn check<'a>(
+        &'a self,
+        path: &[&str],
+        value: &Spanned<DeValue<'a>>,
+    ) -> Result<(), Refusal> {
+        let mut candidate =
+            DeTable::parse(&self.specimen).expect("what was written as TOML is TOML");
         put(candidate.get_mut(), path, value.clone());
         (self.read)(candidate).map_err(|error| {
             let whole = value.span();
-            let part = error.span().filter(|part| whole.start <= part.start && part.end <= whole.end);
+            let part = error
+                .span()
+                .filter(|part| whole.start <= part.start && part.end <= whole.end);
             let span = part.unwrap_or(whole);
             if let Some((message, label)) = told_apart(error.message()) {
-                return Refusal { message, says_all: true, label, span };
+                return Refusal {
+                    message,
+                    says_all: true,
+                    label,
+                    span,
+                };
             }
-            let (message, label) = match (date_at(value, &span), error.message().strip_prefix("invalid type: map,")) {
+            let (message, label) = match (
+                date_at(value, &span),
+                error.message().strip_prefix("invalid type: map,"),
+            ) {
                 (Some(date), Some(expected)) => plain(&format!("invalid type: {date},{expected}")),
                 _ => plain(error.message()),
             };
-            Refusal { message, says_all: false, label, span }
+            Refusal {
+                message,
+                says_all: false,
+                label,
+                span,
+            }
         })
     }
 
@@ -119,11 +172,18 @@ impl Section {
         self.merge_at(&mut Vec::new(), under, over);
     }
 
-    fn merge_at<'a>(&self, path: &mut Vec<&'a str>, under: &mut toml::Table, over: &'a toml::Table) {
+    fn merge_at<'a>(
+        &self,
+        path: &mut Vec<&'a str>,
+        under: &mut toml::Table,
+        over: &'a toml::Table,
+    ) {
         for (key, value) in over {
             path.push(key);
             match (under.get_mut(key), value) {
-                (Some(toml::Value::Table(below)), toml::Value::Table(above)) if self.keys(path).is_some() => {
+                (Some(toml::Value::Table(below)), toml::Value::Table(above))
+                    if self.keys(path).is_some() =>
+                {
                     self.merge_at(path, below, above);
                 }
                 _ => {
@@ -166,15 +226,22 @@ impl Catalog {
             claim: Section::of(&Claim::specimen()),
             settings_table: Section::of(&SettingsTable::specimen()),
             robot: Section::of(&Robot::specimen()),
-            slurm: Section::of(&Submitted { slurm: Slurm::specimen() }),
-            algorithms: catalogue::all().map(|entry| (entry.about().name, Section::algorithm(entry))).collect(),
+            slurm: Section::of(&Submitted {
+                slurm: Slurm::specimen(),
+            }),
+            algorithms: catalogue::all()
+                .map(|entry| (entry.about().name, Section::algorithm(entry)))
+                .collect(),
         });
         &CATALOG
     }
 
     /// The hyperparameters of an algorithm; `None` when there is none of that name.
     pub(super) fn algorithm(&self, name: &str) -> Option<&Section> {
-        self.algorithms.iter().find(|(known, _)| *known == name).map(|(_, section)| section)
+        self.algorithms
+            .iter()
+            .find(|(known, _)| *known == name)
+            .map(|(_, section)| section)
     }
 
     /// All algorithms.
@@ -204,7 +271,9 @@ fn read<T: DeserializeOwned>(table: Spanned<DeTable<'_>>) -> Result<(), toml::de
 /// The date that is or stands in `value` at the bytes `span`, as `date 2024-01-01`.
 fn date_at(value: &Spanned<DeValue<'_>>, span: &Range<usize>) -> Option<String> {
     match value.get_ref() {
-        DeValue::Datetime(date) if value.span() == *span => Some(format!("{} {date}", date_in_words(date))),
+        DeValue::Datetime(date) if value.span() == *span => {
+            Some(format!("{} {date}", date_in_words(date)))
+        }
         DeValue::Array(elements) => elements.iter().find_map(|element| date_at(element, span)),
         DeValue::Table(table) => table.iter().find_map(|(_, value)| date_at(value, span)),
         _ => None,
@@ -213,7 +282,9 @@ fn date_at(value: &Spanned<DeValue<'_>>, span: &Range<usize>) -> Option<String> 
 
 /// Puts `value` at `path`, making tables on the way.
 fn put<'a>(table: &mut DeTable<'a>, path: &[&str], value: Spanned<DeValue<'a>>) {
-    let Some((key, rest)) = path.split_first() else { return };
+    let Some((key, rest)) = path.split_first() else {
+        return;
+    };
     if rest.is_empty() {
         match table.get_mut(*key) {
             Some(old) => *old = value,
@@ -228,7 +299,11 @@ fn put<'a>(table: &mut DeTable<'a>, path: &[&str], value: Spanned<DeValue<'a>>) 
 
 fn collect_leaves(schema: &Json, prefix: &str, leaves: &mut BTreeSet<String>) {
     for (key, inner) in schema["properties"].as_object().into_iter().flatten() {
-        let path = if prefix.is_empty() { key.clone() } else { format!("{prefix}.{key}") };
+        let path = if prefix.is_empty() {
+            key.clone()
+        } else {
+            format!("{prefix}.{key}")
+        };
         if inner.get("properties").is_some() {
             collect_leaves(inner, &path, leaves);
         } else {

@@ -11,20 +11,24 @@ use crate::{
     quantity::{UnitInterval, constant},
 };
 
-/// One claim: `on` of the runs `of` is above, below or like that of the runs `than`; or they keep their constraint.
+/// One claim: `on` of the runs `of` is above, below or like that of the runs `than`; or they keep
+/// their constraint.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Claim {
     /// The paper's sentence, shortened.
     pub name: String,
-    /// The runs that it is about, as for `--only`; those that differ in more than their seed are judged separately.
+    /// The runs that it is about, as for `--only`; those that differ in more than their seed are
+    /// judged separately.
     pub of: Selection,
     /// What is said of these runs.
     pub is: Relation,
-    /// What these are compared with: runs of one setting, as for `--only`, or `demonstration`, for the return of theirs.
+    /// What these are compared with: runs of one setting, as for `--only`, or `demonstration`, for
+    /// the return of theirs.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub than: Option<Versus>,
-    /// What is compared: `return` (evaluations, dense) or a column of numbers of `progress.parquet`.
+    /// What is compared: `return` (evaluations, dense) or a column of numbers of
+    /// `progress.parquet`.
     #[serde(default = "Claim::returns")]
     #[serde(with = "measured")]
     #[schemars(with = "String")]
@@ -38,11 +42,12 @@ pub struct Claim {
     /// Runs that count on either side, as for `--only`; all when absent.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub only: Option<Selection>,
-    /// The difference that does not count; for returns, as a share of the paper's Expert - Random. Below 0, the shortfall that
-    /// is allowed.
+    /// The difference that does not count; for returns, as a share of the paper's Expert - Random.
+    /// Below 0, the shortfall that is allowed.
     #[serde(default)]
     pub margin: f64,
-    /// For `kept`: the least share of the iterations, after the first in which the constraint was met, in which it must be met.
+    /// For `kept`: the least share of the iterations, after the first in which the constraint was
+    /// met, in which it must be met.
     #[serde(default = "Claim::nearly_all")]
     pub share: UnitInterval,
 }
@@ -83,7 +88,9 @@ impl<'de> Deserialize<'de> for Versus {
             return Ok(Self::Demonstration);
         }
         let selection = Selection::parse(&text);
-        selection.map(Self::Runs).map_err(|error| D::Error::custom(told(&error.to_string(), None)))
+        selection
+            .map(Self::Runs)
+            .map_err(|error| D::Error::custom(told(&error.to_string(), None)))
     }
 }
 
@@ -112,7 +119,9 @@ pub enum Relation {
 }
 
 /// Which part of training a claim is about.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema,
+)]
 #[serde(rename_all = "snake_case")]
 pub enum Part {
     /// The final evaluation; of a column, the last tenth of the steps.
@@ -123,7 +132,9 @@ pub enum Part {
 }
 
 /// Where a claim is judged.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema,
+)]
 #[serde(rename_all = "snake_case")]
 pub enum Environments {
     /// In each environment that both sides have.

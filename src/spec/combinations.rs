@@ -47,9 +47,13 @@ pub(super) struct Findings {
 }
 
 impl Draft<'_> {
-    /// Everything that does not go together; of several combinations with one fault at one place, the first.
+    /// Everything that does not go together; of several combinations with one fault at one place,
+    /// the first.
     pub(super) fn check(&self) -> Findings {
-        let mut findings = Findings { errors: self.missing_keys().collect(), missing: Vec::new() };
+        let mut findings = Findings {
+            errors: self.missing_keys().collect(),
+            missing: Vec::new(),
+        };
         let runs = self.spec.named_runs();
         if runs > MOST_RUNS {
             let message = format!("the matrix has {runs} runs; at most {MOST_RUNS} are allowed");
@@ -62,25 +66,39 @@ impl Draft<'_> {
                 match self.spec.resolve(env, algorithm, &axes) {
                     Ok((settings, algorithm)) => {
                         for conflict in conflicts(env, &settings, &algorithm) {
-                            add(&mut findings.errors, self.locate(conflict, *index, block, env, algorithm.name()));
+                            add(
+                                &mut findings.errors,
+                                self.locate(conflict, *index, block, env, algorithm.name()),
+                            );
                         }
                         if let Some(conflict) = missing_demonstration(env, &settings, &algorithm)
-                            && !findings.missing.iter().any(|(path, _)| *path == settings.demonstrations)
+                            && !findings
+                                .missing
+                                .iter()
+                                .any(|(path, _)| *path == settings.demonstrations)
                         {
                             let error = self.locate(conflict, *index, block, env, algorithm.name());
                             findings.missing.push((settings.demonstrations, error));
                         }
                     }
                     Err(error @ ResolveError::NoBudget { .. }) => {
-                        // A budget that is written but wrong, or under another name, has its own message.
-                        let is_of_budget = |key: &String| ["budget", "env_steps"].contains(&key.as_str());
-                        if !self.known.iter().any(|known| known.about.iter().any(is_of_budget)) {
+                        // A budget that is written but wrong, or under another name, has its own
+                        // message.
+                        let is_of_budget =
+                            |key: &String| ["budget", "env_steps"].contains(&key.as_str());
+                        if !self
+                            .known
+                            .iter()
+                            .any(|known| known.about.iter().any(is_of_budget))
+                        {
                             let mut error = self.at_start(error.to_string());
-                            error.label = Some("write `[budget]` and, under it, `env_steps = ...`".into());
+                            error.label =
+                                Some("write `[budget]` and, under it, `env_steps = ...`".into());
                             add(&mut findings.errors, error);
                         }
                     }
-                    // Values that are wrong by themselves have their own messages; they were left out of the draft.
+                    // Values that are wrong by themselves have their own messages; they were left
+                    // out of the draft.
                     Err(error) => add(&mut findings.errors, self.at_matrix(error.to_string())),
                 }
             }
@@ -90,17 +108,32 @@ impl Draft<'_> {
 
     /// Keys that every experiment has, and no layer.
     fn missing_keys(&self) -> impl Iterator<Item = SpecError> {
-        let keys = [("name", "write `name = \"...\"`"), ("matrix", "write a `[[matrix]]` block")];
-        let missing = |key: &str| !self.sources.iter().any(|source| source.tree.get_ref().contains_key(key));
+        let keys = [
+            ("name", "write `name = \"...\"`"),
+            ("matrix", "write a `[[matrix]]` block"),
+        ];
+        let missing = |key: &str| {
+            !self
+                .sources
+                .iter()
+                .any(|source| source.tree.get_ref().contains_key(key))
+        };
         keys.into_iter()
             .filter(move |(key, _)| missing(key))
-            .map(|(key, how)| SpecError { label: Some(how.into()), ..self.at_start(format!("`{key}` is missing")) })
+            .map(|(key, how)| SpecError {
+                label: Some(how.into()),
+                ..self.at_start(format!("`{key}` is missing"))
+            })
     }
 
     /// Arguments and variables that set what every block varies: the axis would win in silence.
     fn hidden_arguments(&self) -> Vec<SpecError> {
-        let Some((first, others)) = self.spec.matrix.split_first() else { return Vec::new() };
-        let has = |block: &Block, parameter: &Parameter| block.axes.iter().any(|axis| axis.parameter == *parameter);
+        let Some((first, others)) = self.spec.matrix.split_first() else {
+            return Vec::new();
+        };
+        let has = |block: &Block, parameter: &Parameter| {
+            block.axes.iter().any(|axis| axis.parameter == *parameter)
+        };
         let mut errors = Vec::new();
         let everywhere = |axis: &&Axis| others.iter().all(|block| has(block, &axis.parameter));
         for Axis { parameter, .. } in first.axes.iter().filter(everywhere) {
@@ -108,12 +141,20 @@ impl Draft<'_> {
                 Parameter::Setting(key) => vec![steps(key)],
                 _ => Algorithm::names()
                     .filter_map(|name| {
-                        Some(steps(&format!("algorithms.{name}.{}", parameter.hyperparameter_of(name)?)))
+                        Some(steps(&format!(
+                            "algorithms.{name}.{}",
+                            parameter.hyperparameter_of(name)?
+                        )))
                     })
                     .collect(),
             };
-            let arguments = self.sources.iter().filter(|source| source.layer.path.is_none());
-            for source in arguments.filter(|source| ways.iter().any(|way| source.span(way).is_some())) {
+            let arguments = self
+                .sources
+                .iter()
+                .filter(|source| source.layer.path.is_none());
+            for source in
+                arguments.filter(|source| ways.iter().any(|way| source.span(way).is_some()))
+            {
                 errors.push(SpecError {
                     message: format!("`{parameter}` is an axis of the matrix, whose values win"),
                     place: source.layer.place(0..0),
@@ -128,31 +169,60 @@ impl Draft<'_> {
 
     /// `message` about the file as a whole.
     fn at_start(&self, message: String) -> SpecError {
-        let place = match self.sources.iter().rfind(|source| source.layer.path.is_some()) {
+        let place = match self
+            .sources
+            .iter()
+            .rfind(|source| source.layer.path.is_some())
+        {
             Some(file) => file.layer.place(0..0),
             None => Place::Layer("the specification".into()),
         };
-        SpecError { message, place, label: None, help: None, about: Vec::new() }
+        SpecError {
+            message,
+            place,
+            label: None,
+            help: None,
+            about: Vec::new(),
+        }
     }
 
     fn at_matrix(&self, message: String) -> SpecError {
         let place = self.place(&[Step::Key("matrix".into()), Step::Index(0)]);
-        SpecError { place: place.unwrap_or_else(|| self.at_start(String::new()).place), ..self.at_start(message) }
+        SpecError {
+            place: place.unwrap_or_else(|| self.at_start(String::new()).place),
+            ..self.at_start(message)
+        }
     }
 
     /// The strongest layer's value at the end of `way`.
     fn place(&self, way: &[Step]) -> Option<Place> {
-        self.sources.iter().rev().find_map(|source| Some(source.layer.place(source.span(way)?)))
+        self.sources
+            .iter()
+            .rev()
+            .find_map(|source| Some(source.layer.place(source.span(way)?)))
     }
 
-    fn locate(&self, conflict: Conflict, index: usize, block: &Block, env: EnvId, algorithm: &str) -> SpecError {
+    fn locate(
+        &self,
+        conflict: Conflict,
+        index: usize,
+        block: &Block,
+        env: EnvId,
+        algorithm: &str,
+    ) -> SpecError {
         let in_block = |key: &str| match self.axes.iter().find(|axis| axis.key == key) {
             Some(axis) => Some(axis.layer.place(0..0)),
-            None => self.place(&[Step::Key("matrix".into()), Step::Index(index), Step::Key(key.into())]),
+            None => self.place(&[
+                Step::Key("matrix".into()),
+                Step::Index(index),
+                Step::Key(key.into()),
+            ]),
         };
         let written = |parameter: &Parameter| {
             let mut axes = block.axes.iter().map(|axis| &axis.parameter);
-            let axis = axes.find(|axis| axis.is(parameter, algorithm)).and_then(|axis| in_block(&axis.to_string()));
+            let axis = axes
+                .find(|axis| axis.is(parameter, algorithm))
+                .and_then(|axis| in_block(&axis.to_string()));
             axis.or_else(|| {
                 let way = match (parameter, parameter.hyperparameter_of(algorithm)) {
                     (Parameter::Setting(key), _) => steps(key),
@@ -160,21 +230,41 @@ impl Draft<'_> {
                     _ => return None,
                 };
                 self.sources.iter().rev().find_map(|source| {
-                    let span = source.environment_span(env, &way).or_else(|| source.span(&way))?;
+                    let span = source
+                        .environment_span(env, &way)
+                        .or_else(|| source.span(&way))?;
                     Some(source.layer.place(span))
                 })
             })
         };
-        let place = conflict.parameters.iter().find_map(written).or_else(|| in_block("env"));
+        let place = conflict
+            .parameters
+            .iter()
+            .find_map(written)
+            .or_else(|| in_block("env"));
         let place = place.unwrap_or_else(|| self.at_start(String::new()).place);
-        let Conflict { message, label, help, .. } = conflict;
-        SpecError { message, place, label, help, about: Vec::new() }
+        let Conflict {
+            message,
+            label,
+            help,
+            ..
+        } = conflict;
+        SpecError {
+            message,
+            place,
+            label,
+            help,
+            about: Vec::new(),
+        }
     }
 }
 
 /// Adds `error` unless its place has one of the same kind, for another environment or algorithm.
 fn add(errors: &mut Vec<SpecError>, error: SpecError) {
-    if !errors.iter().any(|known| known.place == error.place && known.label == error.label) {
+    if !errors
+        .iter()
+        .any(|known| known.place == error.place && known.label == error.label)
+    {
         errors.push(error);
     }
 }
@@ -182,20 +272,35 @@ fn add(errors: &mut Vec<SpecError>, error: SpecError) {
 /// What a run of these settings could not do.
 fn conflicts(env: EnvId, settings: &Settings, algorithm: &Algorithm) -> Vec<Conflict> {
     let setting = |key: &str| Parameter::Setting(key.into());
-    let (steps, environments) = (settings.rollout.steps.get(), settings.rollout.environments.get());
+    let (steps, environments) = (
+        settings.rollout.steps.get(),
+        settings.rollout.environments.get(),
+    );
     let budget = settings.budget.env_steps.get();
     let mut conflicts = Vec::new();
     let mut conflict = |message: String, label: &str, parameters: Vec<Parameter>| {
         let message = format!("{env}, {}: {message}", algorithm.name());
-        conflicts.push(Conflict { message, label: Some(label.into()), help: None, parameters });
+        conflicts.push(Conflict {
+            message,
+            label: Some(label.into()),
+            help: None,
+            parameters,
+        });
     };
 
     let sparse = env.sparse_reward();
-    if settings.reward != Reward::Dense && mem::discriminant(&settings.reward) != mem::discriminant(&sparse) {
+    if settings.reward != Reward::Dense
+        && mem::discriminant(&settings.reward) != mem::discriminant(&sparse)
+    {
         conflict(
-            format!("{} is not a reward of this environment", reward_name(&settings.reward)),
+            format!(
+                "{} is not a reward of this environment",
+                reward_name(&settings.reward)
+            ),
             &match sparse {
-                Reward::Dense => "expected `dense`; the robot's table names no `landmark`".to_owned(),
+                Reward::Dense => {
+                    "expected `dense`; the robot's table names no `landmark`".to_owned()
+                }
                 _ => format!("expected `dense` or {}", reward_name(&sparse)),
             },
             vec![setting("reward")],
@@ -217,12 +322,17 @@ fn conflicts(env: EnvId, settings: &Settings, algorithm: &Algorithm) -> Vec<Conf
     }
     if steps % environments != 0 {
         conflict(
-            format!("rollout.steps {steps} cannot be shared among rollout.environments {environments}"),
+            format!(
+                "rollout.steps {steps} cannot be shared among rollout.environments {environments}"
+            ),
             "expected a multiple of the environments",
             vec![setting("rollout.steps"), setting("rollout.environments")],
         );
     }
-    for (key, minibatch) in minibatches(&algorithm.hyperparameters()).into_iter().filter(|(_, size)| *size > steps) {
+    for (key, minibatch) in minibatches(&algorithm.hyperparameters())
+        .into_iter()
+        .filter(|(_, size)| *size > steps)
+    {
         conflict(
             format!("{key} {minibatch} is larger than the rollout, rollout.steps {steps}"),
             "expected a minibatch no larger than the rollout",
@@ -232,14 +342,18 @@ fn conflicts(env: EnvId, settings: &Settings, algorithm: &Algorithm) -> Vec<Conf
     conflicts
 }
 
-/// The minibatches that are taken from rollouts, by their dotted keys: those beside a `gae_lambda`, of the policy update
-/// that is chosen where there are two.
+/// The minibatches that are taken from rollouts, by their dotted keys: those beside a `gae_lambda`,
+/// of the policy update that is chosen where there are two.
 fn minibatches(hyperparameters: &toml::Table) -> Vec<(String, u64)> {
     let of = |table: &toml::Table| {
-        let size = table.get("minibatch").filter(|_| table.contains_key("gae_lambda"))?;
+        let size = table
+            .get("minibatch")
+            .filter(|_| table.contains_key("gae_lambda"))?;
         size.as_integer().and_then(|size| u64::try_from(size).ok())
     };
-    let chosen = hyperparameters.get("policy_update").and_then(toml::Value::as_str);
+    let chosen = hyperparameters
+        .get("policy_update")
+        .and_then(toml::Value::as_str);
     let own = of(hyperparameters).map(|size| ("minibatch".to_owned(), size));
     let parts = hyperparameters
         .iter()
@@ -249,12 +363,19 @@ fn minibatches(hyperparameters: &toml::Table) -> Vec<(String, u64)> {
 }
 
 /// The demonstration that a run needs and that does not exist.
-fn missing_demonstration(env: EnvId, settings: &Settings, algorithm: &Algorithm) -> Option<Conflict> {
+fn missing_demonstration(
+    env: EnvId,
+    settings: &Settings,
+    algorithm: &Algorithm,
+) -> Option<Conflict> {
     if !algorithm.uses_demonstration() || settings.demonstrations.is_file() {
         return None;
     }
     Some(Conflict {
-        message: format!("the demonstration {} of {env} does not exist", settings.demonstrations.display()),
+        message: format!(
+            "the demonstration {} of {env} does not exist",
+            settings.demonstrations.display()
+        ),
         label: Some(format!("needs {}", settings.demonstrations.display())),
         help: Some(format!(
             "`mcpo-run demo collect` or `demo import` writes one; `environments.\"{env}\".demonstrations` names another"

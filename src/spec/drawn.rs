@@ -53,7 +53,8 @@ impl<'de> Deserialize<'de> for Panels {
             }
 
             fn visit_seq<A: SeqAccess<'de>>(self, selections: A) -> Result<Panels, A::Error> {
-                let selections = Vec::<Selection>::deserialize(SeqAccessDeserializer::new(selections))?;
+                let selections =
+                    Vec::<Selection>::deserialize(SeqAccessDeserializer::new(selections))?;
                 match selections.is_empty() {
                     true => Err(A::Error::custom("a figure needs at least one panel")),
                     false => Ok(Panels::Selections(selections)),
@@ -92,7 +93,11 @@ pub enum Width {
 }
 
 impl Width {
-    const NAMED: [(&str, Self); 3] = [("column", Self::Column), ("text", Self::Text), ("full", Self::Full)];
+    const NAMED: [(&str, Self); 3] = [
+        ("column", Self::Column),
+        ("text", Self::Text),
+        ("full", Self::Full),
+    ];
     const NARROWEST: f64 = 2.0;
     const WIDEST: f64 = 20.0;
     const EXPECTED: &str = "`column`, `text`, `full`, or inches from 2 to 20";
@@ -130,14 +135,22 @@ impl<'de> Deserialize<'de> for Width {
 
             fn visit_str<E: Error>(self, name: &str) -> Result<Width, E> {
                 let known = Width::NAMED.iter().find(|(known, _)| *known == name);
-                let unknown = || E::custom(format!("unknown width `{name}`; expected {}", Width::EXPECTED));
+                let unknown = || {
+                    E::custom(format!(
+                        "unknown width `{name}`; expected {}",
+                        Width::EXPECTED
+                    ))
+                };
                 known.map(|(_, width)| *width).ok_or_else(unknown)
             }
 
             fn visit_f64<E: Error>(self, inches: f64) -> Result<Width, E> {
                 match (Width::NARROWEST..=Width::WIDEST).contains(&inches) {
                     true => Ok(Width::Inches(inches)),
-                    false => Err(E::custom(format!("{inches} is out of range; expected {}", Width::EXPECTED))),
+                    false => Err(E::custom(format!(
+                        "{inches} is out of range; expected {}",
+                        Width::EXPECTED
+                    ))),
                 }
             }
 
@@ -184,17 +197,33 @@ mod tests {
 
     fn width(text: &str) -> Result<Width, String> {
         let table: toml::Table = toml::from_str(&format!("x = {text}")).expect("TOML");
-        table["x"].clone().try_into().map_err(|error: toml::de::Error| error.message().to_owned())
+        table["x"]
+            .clone()
+            .try_into()
+            .map_err(|error: toml::de::Error| error.message().to_owned())
     }
 
     #[test]
     fn a_width_is_a_name_or_inches_within_reason() {
-        for (text, inches) in [("'column'", 3.25), ("'text'", 5.5), ("'full'", 7.0), ("6.1", 6.1), ("4", 4.0)] {
+        for (text, inches) in [
+            ("'column'", 3.25),
+            ("'text'", 5.5),
+            ("'full'", 7.0),
+            ("6.1", 6.1),
+            ("4", 4.0),
+        ] {
             assert_eq!(width(text).map(Width::inches), Ok(inches), "{text}");
         }
-        for (text, error) in [("'wide'", "unknown width `wide`"), ("0.5", "0.5 is out of range"), ("nan", "NaN is out")]
-        {
-            assert!(width(text).expect_err(text).starts_with(error), "{text}: {:?}", width(text));
+        for (text, error) in [
+            ("'wide'", "unknown width `wide`"),
+            ("0.5", "0.5 is out of range"),
+            ("nan", "NaN is out"),
+        ] {
+            assert!(
+                width(text).expect_err(text).starts_with(error),
+                "{text}: {:?}",
+                width(text)
+            );
         }
     }
 }

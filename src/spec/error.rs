@@ -2,7 +2,9 @@
 
 use std::{cmp::Ordering, fmt, ops::Range, path::PathBuf, sync::Arc};
 
-use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme, LabeledSpan, NamedSource, SourceCode};
+use miette::{
+    Diagnostic, GraphicalReportHandler, GraphicalTheme, LabeledSpan, NamedSource, SourceCode,
+};
 
 /// Where a mistake was written.
 #[derive(Debug, Clone, PartialEq)]
@@ -31,7 +33,8 @@ pub struct SpecError {
     pub label: Option<String>,
     /// What else may be known to the reader.
     pub help: Option<String>,
-    /// The keys that it is about: those on the way to the place, and the one that was probably meant.
+    /// The keys that it is about: those on the way to the place, and the one that was probably
+    /// meant.
     pub(super) about: Vec<String>,
 }
 
@@ -43,7 +46,15 @@ impl SpecError {
 
     /// Column in characters, counted from 1; absent where the place is no file.
     pub fn column(&self) -> Option<usize> {
-        self.before().map(|before| before.rsplit('\n').next().unwrap_or_default().chars().count() + 1)
+        self.before().map(|before| {
+            before
+                .rsplit('\n')
+                .next()
+                .unwrap_or_default()
+                .chars()
+                .count()
+                + 1
+        })
     }
 
     /// The text before the mistake.
@@ -54,24 +65,35 @@ impl SpecError {
         }
     }
 
-    /// The mistake as text alone where its line, or one beside it, is too long to be shown with a caret.
+    /// The mistake as text alone where its line, or one beside it, is too long to be shown with a
+    /// caret.
     fn without_text(&self) -> Option<Self> {
         const LONGEST: usize = 4000;
-        let Place::File { path, text, span } = &self.place else { return None };
+        let Place::File { path, text, span } = &self.place else {
+            return None;
+        };
         let (before, after) = (self.before()?, text.get(span.start..).unwrap_or_default());
         let beside = before.rsplit('\n').take(2).chain(after.split('\n').take(2));
         let is_long = beside.into_iter().any(|line| line.len() > LONGEST);
         let (line, column) = (self.line()?, self.column()?);
         let place = Place::Layer(format!("{}:{line}:{column}", path.display()));
-        is_long.then(|| Self { place, ..self.clone() })
+        is_long.then(|| Self {
+            place,
+            ..self.clone()
+        })
     }
 
     /// Files first, each from top to bottom.
     pub(super) fn order(&self, other: &Self) -> Ordering {
         match (&self.place, &other.place) {
-            (Place::File { path: a, span: i, .. }, Place::File { path: b, span: j, .. }) => {
-                a.cmp(b).then(i.start.cmp(&j.start))
-            }
+            (
+                Place::File {
+                    path: a, span: i, ..
+                },
+                Place::File {
+                    path: b, span: j, ..
+                },
+            ) => a.cmp(b).then(i.start.cmp(&j.start)),
             (Place::File { .. }, Place::Layer(_)) => Ordering::Less,
             (Place::Layer(_), Place::File { .. }) => Ordering::Greater,
             (Place::Layer(a), Place::Layer(b)) => a.cmp(b),
@@ -88,7 +110,8 @@ impl fmt::Display for SpecError {
     }
 }
 
-/// The most mistakes that are shown: a file with more has one that makes the others, or a person who wants to begin.
+/// The most mistakes that are shown: a file with more has one that makes the others, or a person
+/// who wants to begin.
 const MOST_SHOWN: usize = 50;
 
 /// Every mistake that was found, in the order of the files; at least one.
@@ -100,7 +123,11 @@ impl SpecErrors {
     pub(super) fn none_or(mut errors: Vec<SpecError>) -> Result<(), Self> {
         errors.sort_by(SpecError::order);
         errors.dedup();
-        if errors.is_empty() { Ok(()) } else { Err(Self(errors)) }
+        if errors.is_empty() {
+            Ok(())
+        } else {
+            Err(Self(errors))
+        }
     }
 
     /// The mistakes.
@@ -108,11 +135,17 @@ impl SpecErrors {
         self.0.iter()
     }
 
-    /// The first of them for people, each with its line and a caret: with colours and box drawing when `terminal`, else in
-    /// plain ASCII. How many there are stands at the end.
+    /// The first of them for people, each with its line and a caret: with colours and box drawing
+    /// when `terminal`, else in plain ASCII. How many there are stands at the end.
     pub fn render(&self, terminal: bool) -> String {
-        let theme = if terminal { GraphicalTheme::unicode() } else { GraphicalTheme::none() };
-        let handler = GraphicalReportHandler::new_themed(theme).with_links(false).with_width(100);
+        let theme = if terminal {
+            GraphicalTheme::unicode()
+        } else {
+            GraphicalTheme::none()
+        };
+        let handler = GraphicalReportHandler::new_themed(theme)
+            .with_links(false)
+            .with_width(100);
         let mut text = String::new();
         for (index, error) in self.0.iter().take(MOST_SHOWN).enumerate() {
             let bare = error.without_text();
@@ -123,8 +156,11 @@ impl SpecErrors {
             }
         }
         if self.0.len() > 1 {
-            let shown =
-                if self.0.len() > MOST_SHOWN { format!(", of which {MOST_SHOWN} are shown") } else { String::new() };
+            let shown = if self.0.len() > MOST_SHOWN {
+                format!(", of which {MOST_SHOWN} are shown")
+            } else {
+                String::new()
+            };
             text.push_str(&format!("\n{} errors{shown}\n", self.0.len()));
         }
         text
@@ -165,7 +201,9 @@ struct Shown<'a> {
 impl<'a> Shown<'a> {
     fn new(error: &'a SpecError) -> Self {
         let source = match &error.place {
-            Place::File { path, text, .. } => Some(NamedSource::new(path.to_string_lossy(), Arc::clone(text))),
+            Place::File { path, text, .. } => {
+                Some(NamedSource::new(path.to_string_lossy(), Arc::clone(text)))
+            }
             Place::Layer(_) => None,
         };
         Self { error, source }
@@ -186,8 +224,11 @@ impl Diagnostic for Shown<'_> {
         let help = match &self.error.place {
             Place::File { .. } => self.error.help.clone(),
             Place::Layer(_) => {
-                let parts: Vec<&str> =
-                    [&self.error.label, &self.error.help].into_iter().flatten().map(String::as_str).collect();
+                let parts: Vec<&str> = [&self.error.label, &self.error.help]
+                    .into_iter()
+                    .flatten()
+                    .map(String::as_str)
+                    .collect();
                 (!parts.is_empty()).then(|| parts.join("; "))
             }
         };
@@ -201,9 +242,18 @@ impl Diagnostic for Shown<'_> {
     fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
         match &self.error.place {
             Place::File { text, span, .. } => {
-                // A span over several lines would show them all; its first line is enough to find it.
-                let first = text.get(span.clone()).unwrap_or_default().lines().next().unwrap_or_default();
-                let label = LabeledSpan::new_primary_with_span(self.error.label.clone(), (span.start, first.len()));
+                // A span over several lines would show them all; its first line is enough to find
+                // it.
+                let first = text
+                    .get(span.clone())
+                    .unwrap_or_default()
+                    .lines()
+                    .next()
+                    .unwrap_or_default();
+                let label = LabeledSpan::new_primary_with_span(
+                    self.error.label.clone(),
+                    (span.start, first.len()),
+                );
                 Some(Box::new(std::iter::once(label)))
             }
             Place::Layer(_) => None,

@@ -18,13 +18,13 @@ pub struct Figure {
     pub name: String,
     /// Title above the panels; a figure for print has none, since its caption says it.
     pub title: String,
-    /// What is drawn: `return` (evaluations, dense) or a column of numbers of `progress.parquet`; or `step`, the sketch of
-    /// one step of MCPO, which needs no run.
+    /// What is drawn: `return` (evaluations, dense) or a column of numbers of `progress.parquet`;
+    /// or `step`, the sketch of one step of MCPO, which needs no run.
     pub y: Drawing,
     /// Axes whose values make one curve each, such as `["d"]`.
     pub series: Vec<Key>,
-    /// An axis, for one panel per value, or a list of selections, as for `--only`, for one panel per selection; one panel per
-    /// environment when absent.
+    /// An axis, for one panel per value, or a list of selections, as for `--only`, for one panel
+    /// per selection; one panel per environment when absent.
     #[serde(default)]
     pub panels: Panels,
     /// Runs that are drawn, as for `--only`; all when absent.
@@ -36,13 +36,16 @@ pub struct Figure {
     /// Whether the y axis is logarithmic.
     #[serde(default)]
     pub log_y: bool,
-    /// The width in print: `column` (3.25 inches), `text` (5.5), `full` (7) or a number of inches; for the screen when absent.
+    /// The width in print: `column` (3.25 inches), `text` (5.5), `full` (7) or a number of inches;
+    /// for the screen when absent.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub width: Option<Width>,
-    /// How a curve's seeds are shown: `t` (95 % Student t interval), `std`, `bootstrap` (95 %) or `seeds`.
+    /// How a curve's seeds are shown: `t` (95 % Student t interval), `std`, `bootstrap` (95 %) or
+    /// `seeds`.
     #[serde(default)]
     pub band: Band,
-    /// Environment steps over which each seed is averaged, with the unsmoothed curve behind; no smoothing when absent.
+    /// Environment steps over which each seed is averaged, with the unsmoothed curve behind; no
+    /// smoothing when absent.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub smooth: Option<EnvSteps>,
 }
@@ -75,9 +78,11 @@ pub struct SettingsTable {
     pub name: String,
     /// Title above the table.
     pub title: String,
-    /// What is shown: parameters, and `observations`, `actions` and `trajectories` of the environment and its demonstration.
+    /// What is shown: parameters, and `observations`, `actions` and `trajectories` of the
+    /// environment and its demonstration.
     pub show: Vec<Shown>,
-    /// Axes whose values make one row each, with one column per parameter; one row per parameter when absent.
+    /// Axes whose values make one row each, with one column per parameter; one row per parameter
+    /// when absent.
     #[serde(default)]
     pub rows: Vec<Key>,
     /// Runs that count, as for `--only`; all when absent.
@@ -111,8 +116,12 @@ impl Named for Shown {
     }
 
     fn known() -> Vec<String> {
-        let of_environments = [Self::Observations, Self::Actions, Self::Trajectories].map(|shown| shown.to_string());
-        of_environments.into_iter().chain(Parameter::names()).collect()
+        let of_environments =
+            [Self::Observations, Self::Actions, Self::Trajectories].map(|shown| shown.to_string());
+        of_environments
+            .into_iter()
+            .chain(Parameter::names())
+            .collect()
     }
 }
 
@@ -141,14 +150,21 @@ pub enum Reference {
 }
 
 impl Reference {
-    const NAMED: [(&str, Self); 3] = [("table3", Self::Table3), ("table4", Self::Table4), ("table5", Self::Table5)];
+    const NAMED: [(&str, Self); 3] = [
+        ("table3", Self::Table3),
+        ("table4", Self::Table4),
+        ("table5", Self::Table5),
+    ];
 }
 
 impl Named for Reference {
     const WHAT: &str = "reference";
 
     fn named(name: &str) -> Option<Self> {
-        Self::NAMED.iter().find(|(known, _)| *known == name).map(|(_, reference)| *reference)
+        Self::NAMED
+            .iter()
+            .find(|(known, _)| *known == name)
+            .map(|(_, reference)| *reference)
     }
 
     fn known() -> Vec<String> {
@@ -160,7 +176,10 @@ by_name!(Reference);
 
 impl fmt::Display for Reference {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let name = Self::NAMED.iter().find(|(_, known)| known == self).map_or("", |(name, _)| name);
+        let name = Self::NAMED
+            .iter()
+            .find(|(_, known)| known == self)
+            .map_or("", |(name, _)| name);
         f.write_str(name)
     }
 }
@@ -188,7 +207,13 @@ impl SettingsTable {
     /// A valid table.
     pub(super) fn specimen() -> Self {
         let (name, title) = ("settings".into(), "Settings".into());
-        Self { name, title, show: vec![], rows: vec![], only: None }
+        Self {
+            name,
+            title,
+            show: vec![],
+            rows: vec![],
+            only: None,
+        }
     }
 }
 
@@ -196,6 +221,13 @@ impl Table {
     /// A valid table.
     pub(super) fn specimen() -> Self {
         let (name, title, columns) = ("table".into(), "Table".into(), Key::Algorithm);
-        Self { name, title, rows: vec![], columns, only: None, reference: None }
+        Self {
+            name,
+            title,
+            rows: vec![],
+            columns,
+            only: None,
+            reference: None,
+        }
     }
 }

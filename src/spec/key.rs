@@ -8,7 +8,8 @@ use super::{
     named::{Named, by_name},
 };
 
-/// A key that every run has a value of, or none: what makes rows, columns, curves and panels, and what a selection asks for.
+/// A key that every run has a value of, or none: what makes rows, columns, curves and panels, and
+/// what a selection asks for.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Key {
     /// The environment.
@@ -51,7 +52,11 @@ impl Named for Key {
     }
 
     fn known() -> Vec<String> {
-        BLOCK_KEYS.into_iter().map(str::to_owned).chain(Parameter::names()).collect()
+        BLOCK_KEYS
+            .into_iter()
+            .map(str::to_owned)
+            .chain(Parameter::names())
+            .collect()
     }
 }
 

@@ -64,22 +64,40 @@ impl JsonSchema for Drawing {
 }
 
 /// Writes a measure as its name.
-pub(super) fn serialize<S: Serializer>(measure: &Measure, serializer: S) -> Result<S::Ok, S::Error> {
+pub(super) fn serialize<S: Serializer>(
+    measure: &Measure,
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
     serializer.serialize_str(measure.name())
 }
 
 /// Reads the measure of a claim.
 pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Measure, D::Error> {
-    let wrong = |error| D::Error::custom(refusal(&error, "column", "a claim is about", Measure::names()));
+    let wrong = |error| {
+        D::Error::custom(refusal(
+            &error,
+            "column",
+            "a claim is about",
+            Measure::names(),
+        ))
+    };
     Measure::parse(&String::deserialize(deserializer)?).map_err(wrong)
 }
 
 /// What to say of a name that `what` cannot be.
-fn refusal(error: &UnknownMeasure, what: &str, takes: &str, names: impl Iterator<Item = &'static str>) -> String {
+fn refusal(
+    error: &UnknownMeasure,
+    what: &str,
+    takes: &str,
+    names: impl Iterator<Item = &'static str>,
+) -> String {
     match error {
-        UnknownMeasure::Words(name) => told(&format!("`{name}` holds words; {takes} numbers"), None),
-        UnknownMeasure::NoColumn(name) => {
-            told(&format!("unknown {what} `{name}`"), nearest_label(what, name, names).as_deref())
+        UnknownMeasure::Words(name) => {
+            told(&format!("`{name}` holds words; {takes} numbers"), None)
         }
+        UnknownMeasure::NoColumn(name) => told(
+            &format!("unknown {what} `{name}`"),
+            nearest_label(what, name, names).as_deref(),
+        ),
     }
 }

@@ -1,7 +1,8 @@
 //! The matrix file: from TOML text to a typed specification.
 //!
-//! Owns the format, the layers that make it up, and the errors that point at a line. Knows nothing of how runs are made
-//! or trained. Start at [`load`] and [`ExperimentSpec`]; the format is documented in `experiments/format.md`.
+//! Owns the format, the layers that make it up, and the errors that point at a line. Knows nothing
+//! of how runs are made or trained. Start at [`load`] and [`ExperimentSpec`]; the format is
+//! documented in `experiments/format.md`.
 
 mod assemble;
 mod catalog;
@@ -115,8 +116,8 @@ pub struct Overrides {
     pub axis: Vec<String>,
 }
 
-/// The specification in the file at `path`, over the files that it extends and under `MCPO_...` variables and
-/// `overrides`.
+/// The specification in the file at `path`, over the files that it extends and under `MCPO_...`
+/// variables and `overrides`.
 ///
 /// # Errors
 ///
@@ -134,31 +135,41 @@ pub fn parse(path: &Path, text: &str, overrides: &Overrides) -> Result<Experimen
     assemble::assemble(path, Some(text), overrides)
 }
 
-/// One combination of a block but for its seed: environment, algorithm, and the values of the axes that apply to it.
+/// One combination of a block but for its seed: environment, algorithm, and the values of the axes
+/// that apply to it.
 pub type Combination<'a> = (EnvId, &'a str, Vec<(&'a Parameter, &'a toml::Value)>);
 
 impl ExperimentSpec {
     /// How many runs the blocks name; what two of them name counts twice.
     pub fn named_runs(&self) -> usize {
-        self.matrix.iter().map(Block::size).fold(0, usize::saturating_add)
+        self.matrix
+            .iter()
+            .map(Block::size)
+            .fold(0, usize::saturating_add)
     }
 
     /// Whether the runs that learn from these demonstrations can start.
     ///
     /// # Errors
     ///
-    /// Those that do not exist, with the place that names them. A report needs none, so [`load`] does not refuse
-    /// them.
-    pub fn ready<'a>(&self, demonstrations: impl IntoIterator<Item = &'a Path>) -> Result<(), SpecErrors> {
+    /// Those that do not exist, with the place that names them. A report needs none, so [`load`]
+    /// does not refuse them.
+    pub fn ready<'a>(
+        &self,
+        demonstrations: impl IntoIterator<Item = &'a Path>,
+    ) -> Result<(), SpecErrors> {
         let needed: BTreeSet<&Path> = demonstrations.into_iter().collect();
-        let missing = self.missing.iter().filter(|(path, _)| needed.contains(path.as_path()));
+        let missing = self
+            .missing
+            .iter()
+            .filter(|(path, _)| needed.contains(path.as_path()));
         SpecErrors::none_or(missing.map(|(_, error)| error.clone()).collect())
     }
 }
 
 impl Block {
-    /// Every combination but for the seeds, in order: environment, algorithm, then the axes, the last one fastest. An axis
-    /// that an algorithm does not have does not multiply its runs.
+    /// Every combination but for the seeds, in order: environment, algorithm, then the axes, the
+    /// last one fastest. An axis that an algorithm does not have does not multiply its runs.
     pub fn combinations(&self) -> Vec<Combination<'_>> {
         let mut all = Vec::new();
         for &env in &self.env {
@@ -176,7 +187,11 @@ impl Block {
                         })
                         .collect();
                 }
-                all.extend(products.into_iter().map(|axes| (env, algorithm.as_str(), axes)));
+                all.extend(
+                    products
+                        .into_iter()
+                        .map(|axes| (env, algorithm.as_str(), axes)),
+                );
             }
         }
         all
@@ -184,13 +199,25 @@ impl Block {
 
     /// The number of runs.
     fn size(&self) -> usize {
-        let one = |algorithm| self.applicable(algorithm).map(|axis| axis.values.len()).fold(1, usize::saturating_mul);
-        let combinations = self.algorithm.iter().map(|name| one(name)).fold(0, usize::saturating_add);
-        combinations.saturating_mul(self.env.len()).saturating_mul(self.seed.len())
+        let one = |algorithm| {
+            self.applicable(algorithm)
+                .map(|axis| axis.values.len())
+                .fold(1, usize::saturating_mul)
+        };
+        let combinations = self
+            .algorithm
+            .iter()
+            .map(|name| one(name))
+            .fold(0, usize::saturating_add);
+        combinations
+            .saturating_mul(self.env.len())
+            .saturating_mul(self.seed.len())
     }
 
     /// The axes that `algorithm` has.
     fn applicable(&self, algorithm: &str) -> impl Iterator<Item = &Axis> {
-        self.axes.iter().filter(move |axis| axis.parameter.applies_to(algorithm))
+        self.axes
+            .iter()
+            .filter(move |axis| axis.parameter.applies_to(algorithm))
     }
 }

@@ -18,12 +18,17 @@ pub(super) trait Named: Sized {
 
 /// The value that is called `name`.
 ///
-/// Errors: there is none; what is known instead is told.
+/// # Errors
+///
+/// There is none; what is known instead is told.
 pub(super) fn named<T: Named, E: Error>(name: &str) -> Result<T, E> {
     T::named(name).ok_or_else(|| {
         let known = T::known();
         let label = nearest_label(T::WHAT, name, known.iter().map(String::as_str));
-        E::custom(told(&format!("unknown {} `{name}`", T::WHAT), label.as_deref()))
+        E::custom(told(
+            &format!("unknown {} `{name}`", T::WHAT),
+            label.as_deref(),
+        ))
     })
 }
 

@@ -41,11 +41,18 @@ impl Parameter {
             return Some(Self::Setting(name.into()));
         }
         if let Some((algorithm, key)) = name.split_once('.')
-            && let Some((algorithm, section)) = catalog.algorithms().find(|(known, _)| *known == algorithm)
+            && let Some((algorithm, section)) =
+                catalog.algorithms().find(|(known, _)| *known == algorithm)
         {
-            return has(section, key).then(|| Self::Own { algorithm, key: key.into() });
+            return has(section, key).then(|| Self::Own {
+                algorithm,
+                key: key.into(),
+            });
         }
-        catalog.algorithms().any(|(_, section)| has(section, name)).then(|| Self::Shared(name.into()))
+        catalog
+            .algorithms()
+            .any(|(_, section)| has(section, name))
+            .then(|| Self::Shared(name.into()))
     }
 
     /// Its key among the settings or an algorithm's hyperparameters.
@@ -68,7 +75,12 @@ impl Parameter {
             names.extend(section.leaves().iter().cloned());
         }
         for (algorithm, section) in catalog.algorithms() {
-            names.extend(section.leaves().iter().map(|key| format!("{algorithm}.{key}")));
+            names.extend(
+                section
+                    .leaves()
+                    .iter()
+                    .map(|key| format!("{algorithm}.{key}")),
+            );
         }
         names.sort_unstable();
         names.dedup();
@@ -79,16 +91,23 @@ impl Parameter {
     pub(crate) fn hyperparameter_of(&self, algorithm: &str) -> Option<&str> {
         match self {
             Self::Setting(_) => None,
-            Self::Shared(key) => {
-                Catalog::get().algorithm(algorithm).filter(|section| has(section, key)).map(|_| key.as_str())
-            }
-            Self::Own { algorithm: own, key } => (*own == algorithm).then_some(key),
+            Self::Shared(key) => Catalog::get()
+                .algorithm(algorithm)
+                .filter(|section| has(section, key))
+                .map(|_| key.as_str()),
+            Self::Own {
+                algorithm: own,
+                key,
+            } => (*own == algorithm).then_some(key),
         }
     }
 
     /// Whether it is the same as `other` in runs of `algorithm`.
     pub(crate) fn is(&self, other: &Self, algorithm: &str) -> bool {
-        match (self.hyperparameter_of(algorithm), other.hyperparameter_of(algorithm)) {
+        match (
+            self.hyperparameter_of(algorithm),
+            other.hyperparameter_of(algorithm),
+        ) {
             (Some(own), Some(others)) => own == others,
             _ => self == other,
         }
@@ -100,21 +119,33 @@ impl Parameter {
         let mut algorithms = catalog.algorithms();
         let (section, key) = match self {
             Self::Setting(key) => (Some(&catalog.settings), key),
-            Self::Shared(key) => (algorithms.map(|(_, section)| section).find(|section| has(section, key)), key),
-            Self::Own { algorithm, key } => {
-                (algorithms.find(|(name, _)| name == algorithm).map(|(_, section)| section), key)
-            }
+            Self::Shared(key) => (
+                algorithms
+                    .map(|(_, section)| section)
+                    .find(|section| has(section, key)),
+                key,
+            ),
+            Self::Own { algorithm, key } => (
+                algorithms
+                    .find(|(name, _)| name == algorithm)
+                    .map(|(_, section)| section),
+                key,
+            ),
         };
         let path: Vec<&str> = key.split('.').collect();
         let schema = section.and_then(|section| section.schema(&path));
         let null = &serde_json::Value::Null;
-        // Of a choice such as `d`, a number or a share, the first form is what tables and curves show.
+        // Of a choice such as `d`, a number or a share, the first form is what tables and curves
+        // show.
         let types = schema.map_or(null, |schema| match &schema["type"] {
             serde_json::Value::Null => &schema["oneOf"][0]["type"],
             types => types,
         });
         // What may be absent is `["number", "null"]`.
-        match types.as_str().or_else(|| types.as_array()?.first()?.as_str()) {
+        match types
+            .as_str()
+            .or_else(|| types.as_array()?.first()?.as_str())
+        {
             Some("number") => Kind::Number,
             Some("integer") => Kind::Whole,
             Some("boolean") => Kind::Truth,
@@ -149,15 +180,26 @@ mod tests {
 
     #[test]
     fn parameters_are_found_by_their_names_alone() {
-        for unknown in ["", "mmd", "mcpo", "mcpo.mmd", "ppo.d", "budget", "mcpo.d.x", "seed"] {
+        for unknown in [
+            "", "mmd", "mcpo", "mcpo.mmd", "ppo.d", "budget", "mcpo.d.x", "seed",
+        ] {
             assert_eq!(Parameter::find(unknown), None, "{unknown}");
         }
-        assert_eq!(Parameter::find("reward"), Some(Parameter::Setting("reward".into())));
+        assert_eq!(
+            Parameter::find("reward"),
+            Some(Parameter::Setting("reward".into()))
+        );
         assert_eq!(Parameter::find("d"), Some(Parameter::Shared("d".into())));
-        let own = Parameter::Own { algorithm: "mcpo", key: "mmd.samples".into() };
+        let own = Parameter::Own {
+            algorithm: "mcpo",
+            key: "mmd.samples".into(),
+        };
         assert_eq!(Parameter::find("mcpo.mmd.samples"), Some(own));
         for name in Parameter::names() {
-            assert_eq!(Parameter::find(&name).map(|found| found.to_string()), Some(name));
+            assert_eq!(
+                Parameter::find(&name).map(|found| found.to_string()),
+                Some(name)
+            );
         }
     }
 
@@ -185,6 +227,10 @@ mod tests {
         assert!(d.applies_to("mcpo") && !d.applies_to("ppo"));
         let discount = Parameter::find("discount").expect("both have it");
         assert!(discount.applies_to("mcpo") && discount.applies_to("ppo"));
-        assert!(!Parameter::find("ppo.discount").expect("PPO has it").applies_to("mcpo"));
+        assert!(
+            !Parameter::find("ppo.discount")
+                .expect("PPO has it")
+                .applies_to("mcpo")
+        );
     }
 }

@@ -1,4 +1,5 @@
-//! From what a file says to what one run has: defaults, the general tables, the environment's, the axes.
+//! From what a file says to what one run has: defaults, the general tables, the environment's, the
+//! axes.
 
 use super::{Algorithm, ExperimentSpec, Parameter, Settings, catalog::Catalog};
 use crate::{env::EnvId, env::Reward, quantity::constant};
@@ -28,7 +29,8 @@ pub enum ResolveError {
 }
 
 impl ExperimentSpec {
-    /// The settings and the algorithm of a run of `algorithm` in `env` under the axes' values `axes`.
+    /// The settings and the algorithm of a run of `algorithm` in `env` under the axes' values
+    /// `axes`.
     ///
     /// # Errors
     ///
@@ -39,19 +41,32 @@ impl ExperimentSpec {
         algorithm: &str,
         axes: &[(&Parameter, &toml::Value)],
     ) -> Result<(Settings, Algorithm), ResolveError> {
-        let wrong = |source| ResolveError::Value { env, algorithm: algorithm.into(), source };
+        let wrong = |source| ResolveError::Value {
+            env,
+            algorithm: algorithm.into(),
+            source,
+        };
         let catalog = Catalog::get();
         let no_algorithm = || ResolveError::NoAlgorithm(algorithm.into());
         let section = catalog.algorithm(algorithm).ok_or_else(no_algorithm)?;
-        let mut hyperparameters = Algorithm::defaults(algorithm, env).ok_or_else(no_algorithm)?.hyperparameters();
+        let mut hyperparameters = Algorithm::defaults(algorithm, env)
+            .ok_or_else(no_algorithm)?
+            .hyperparameters();
         let mut given = toml::Table::new();
 
         let here = self.environments.get(&env);
         for settings in [Some(&self.settings), here].into_iter().flatten() {
             catalog.settings.merge(&mut given, settings);
         }
-        let algorithms = [Some(&self.algorithms), here.and_then(|here| here.get("algorithms")?.as_table())];
-        for own in algorithms.into_iter().flatten().filter_map(|algorithms| algorithms.get(algorithm)?.as_table()) {
+        let algorithms = [
+            Some(&self.algorithms),
+            here.and_then(|here| here.get("algorithms")?.as_table()),
+        ];
+        for own in algorithms
+            .into_iter()
+            .flatten()
+            .filter_map(|algorithms| algorithms.get(algorithm)?.as_table())
+        {
             section.merge(&mut hyperparameters, own);
         }
         for (parameter, value) in axes {
@@ -66,29 +81,43 @@ impl ExperimentSpec {
         }
 
         given.remove("algorithms");
-        let mut settings = settings(env, algorithm, given).map_err(wrong)?.ok_or(ResolveError::NoBudget { env })?;
-        let algorithm = Algorithm::from_hyperparameters(algorithm, hyperparameters).map_err(wrong)?;
+        let mut settings = settings(env, algorithm, given)
+            .map_err(wrong)?
+            .ok_or(ResolveError::NoBudget { env })?;
+        let algorithm =
+            Algorithm::from_hyperparameters(algorithm, hyperparameters).map_err(wrong)?;
         if algorithm.trains_on_dense_reward() {
             settings.reward = Reward::Dense;
         }
-        settings.demonstrations = settings.demonstrations.to_string_lossy().replace("{env}", env.name()).into();
+        settings.demonstrations = settings
+            .demonstrations
+            .to_string_lossy()
+            .replace("{env}", env.name())
+            .into();
         Ok((settings, algorithm))
     }
 }
 
 /// `given` over the defaults of `algorithm` in `env`; `None` without a budget.
-fn settings(env: EnvId, algorithm: &str, given: toml::Table) -> Result<Option<Settings>, toml::de::Error> {
-    let is_given = |table: &str, key: &str| given.get(table).and_then(|table| table.get(key)).is_some();
+fn settings(
+    env: EnvId,
+    algorithm: &str,
+    given: toml::Table,
+) -> Result<Option<Settings>, toml::de::Error> {
+    let is_given =
+        |table: &str, key: &str| given.get(table).and_then(|table| table.get(key)).is_some();
     if !is_given("budget", "env_steps") {
         return Ok(None);
     }
     let evaluation_given = is_given("evaluation", "every");
-    let defaults = toml::Table::try_from(Settings::defaults(env, algorithm, constant(1))).expect("settings are TOML");
+    let defaults = toml::Table::try_from(Settings::defaults(env, algorithm, constant(1)))
+        .expect("settings are TOML");
     let mut table = defaults;
     Catalog::get().settings.merge(&mut table, &given);
     let mut settings: Settings = table.try_into()?;
     if !evaluation_given {
-        settings.evaluation.every = Settings::evaluate_every(settings.evaluation.episodes, settings.max_steps);
+        settings.evaluation.every =
+            Settings::evaluate_every(settings.evaluation.episodes, settings.max_steps);
     }
     Ok(Some(settings))
 }
@@ -97,7 +126,8 @@ fn settings(env: EnvId, algorithm: &str, given: toml::Table) -> Result<Option<Se
 fn nested(key: &str, value: &toml::Value) -> toml::Table {
     let mut keys = key.rsplit('.');
     let innermost = keys.next().unwrap_or(key);
-    keys.fold(toml::Table::from_iter([(innermost.to_owned(), value.clone())]), |inner, key| {
-        toml::Table::from_iter([(key.to_owned(), toml::Value::Table(inner))])
-    })
+    keys.fold(
+        toml::Table::from_iter([(innermost.to_owned(), value.clone())]),
+        |inner, key| toml::Table::from_iter([(key.to_owned(), toml::Value::Table(inner))]),
+    )
 }

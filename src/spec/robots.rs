@@ -1,7 +1,8 @@
 //! Robots of one's own: from the tables under `[environments]` that describe one to environments.
 //!
-//! Owns which tables these are, how the layers' keys for one robot become one table, and where in a file its mistakes are.
-//! What the keys mean is the robot's own ([`env::robot`](crate::env::robot)); what a key's value may be is `check`'s. Start at
+//! Owns which tables these are, how the layers' keys for one robot become one table, and where in a
+//! file its mistakes are. What the keys mean is the robot's own
+//! ([`env::robot`](crate::env::robot)); what a key's value may be is `check`'s. Start at
 //! [`Robots::read`].
 
 use std::{collections::BTreeMap, path::Path, sync::Arc};
@@ -22,28 +23,37 @@ pub(super) struct Robots {
 }
 
 impl Robots {
-    /// Those that `sources`, weakest first, describe, with what is wrong with each as a whole. What is wrong with a single
-    /// value is told by the check of its layer, and not here.
+    /// Those that `sources`, weakest first, describe, with what is wrong with each as a whole. What
+    /// is wrong with a single value is told by the check of its layer, and not here.
     pub(super) fn read(sources: &[Source<'_>]) -> (Self, Vec<SpecError>) {
         let mut tables: BTreeMap<String, toml::Table> = BTreeMap::new();
         for source in sources {
             for (name, table) in written(source) {
                 let folder = source.layer.folder();
-                tables.entry(name).or_default().extend(table.into_iter().map(|(key, value)| match value {
-                    toml::Value::String(path) if key == MODEL => {
-                        (key, toml::Value::String(folder.join(path).to_string_lossy().into_owned()))
-                    }
-                    value => (key, value),
-                }));
+                tables
+                    .entry(name)
+                    .or_default()
+                    .extend(table.into_iter().map(|(key, value)| match value {
+                        toml::Value::String(path) if key == MODEL => (
+                            key,
+                            toml::Value::String(folder.join(path).to_string_lossy().into_owned()),
+                        ),
+                        value => (key, value),
+                    }));
             }
         }
         // Of a name that ships, `check` refuses the keys that only a robot has.
         tables.retain(|name, table| !ships(name) && table.keys().any(|key| is_robots_alone(key)));
         let (mut robots, mut errors) = (Self::default(), Vec::new());
         for (name, table) in tables {
-            let described = Described { name: &name, sources };
+            let described = Described {
+                name: &name,
+                sources,
+            };
             let found = described.environment(table);
-            robots.known.insert(name.clone(), found.as_ref().ok().copied());
+            robots
+                .known
+                .insert(name.clone(), found.as_ref().ok().copied());
             errors.extend(found.err().into_iter().flatten());
         }
         (robots, errors)
@@ -72,8 +82,14 @@ impl Robots {
 
     fn unknown(&self, name: &str) -> EnvError {
         let own = nearest(name, self.known.keys().map(String::as_str));
-        let known = own.map_or_else(|| EnvId::known_instead(name), |own| format!("the nearest known one is `{own}`"));
-        EnvError::UnknownEnvironment { name: name.to_owned(), known }
+        let known = own.map_or_else(
+            || EnvId::known_instead(name),
+            |own| format!("the nearest known one is `{own}`"),
+        );
+        EnvError::UnknownEnvironment {
+            name: name.to_owned(),
+            known,
+        }
     }
 }
 
@@ -91,15 +107,29 @@ fn ships(name: &str) -> bool {
     EnvId::known().any(|(known, _)| known == name)
 }
 
-/// The tables under `[environments]` in `source`, with those of their keys that a robot's table has.
+/// The tables under `[environments]` in `source`, with those of their keys that a robot's table
+/// has.
 fn written(source: &Source<'_>) -> Vec<(String, toml::Table)> {
-    let environments = source.tree.get_ref().get("environments").and_then(|value| value.get_ref().as_table());
+    let environments = source
+        .tree
+        .get_ref()
+        .get("environments")
+        .and_then(|value| value.get_ref().as_table());
     let robot = &Catalog::get().robot;
-    let tables = environments.into_iter().flatten().filter_map(|(name, value)| {
-        let keys = value.get_ref().as_table()?.iter().filter(|(key, _)| robot.schema(&[key.get_ref()]).is_some());
-        let table = keys.filter_map(|(key, value)| Some((key.get_ref().to_string(), plain_value(value)?))).collect();
-        Some((name.get_ref().to_string(), table))
-    });
+    let tables = environments
+        .into_iter()
+        .flatten()
+        .filter_map(|(name, value)| {
+            let keys = value
+                .get_ref()
+                .as_table()?
+                .iter()
+                .filter(|(key, _)| robot.schema(&[key.get_ref()]).is_some());
+            let table = keys
+                .filter_map(|(key, value)| Some((key.get_ref().to_string(), plain_value(value)?)))
+                .collect();
+            Some((name.get_ref().to_string(), table))
+        });
     tables.collect()
 }
 
@@ -116,7 +146,10 @@ impl Described<'_> {
     ///
     /// Whatever is wrong with it as a whole; nothing where single values are wrong.
     fn environment(&self, table: toml::Table) -> Result<EnvId, Vec<SpecError>> {
-        let required = Catalog::get().robot.required().filter(|key| !table.contains_key(*key));
+        let required = Catalog::get()
+            .robot
+            .required()
+            .filter(|key| !table.contains_key(*key));
         let missing: Vec<SpecError> = required
             .map(|key| {
                 let message = format!("the robot `{}` has no `{key}`", self.name);
@@ -134,8 +167,15 @@ impl Described<'_> {
     /// `error` where it was written: in the robot's table, or in its model.
     fn located(&self, error: EnvError, model: &Path) -> SpecError {
         match error {
-            EnvError::Robot { key, index, message, .. } => {
-                let way: Vec<Step> = std::iter::once(Step::Key(key.to_owned())).chain(index.map(Step::Index)).collect();
+            EnvError::Robot {
+                key,
+                index,
+                message,
+                ..
+            } => {
+                let way: Vec<Step> = std::iter::once(Step::Key(key.to_owned()))
+                    .chain(index.map(Step::Index))
+                    .collect();
                 self.error(&way, format!("`{key}`: {message}"), None)
             }
             EnvError::Engine { message, .. } => {
@@ -143,7 +183,13 @@ impl Described<'_> {
                 let in_model = in_model(&message, model);
                 let message = format!("MuJoCo refuses the model of `{}`: {message}", self.name);
                 match in_model {
-                    Some(place) => SpecError { message, place, label: None, help: None, about: Vec::new() },
+                    Some(place) => SpecError {
+                        message,
+                        place,
+                        label: None,
+                        help: None,
+                        about: Vec::new(),
+                    },
                     None => self.error(&[Step::Key(MODEL.to_owned())], message, None),
                 }
             }
@@ -155,15 +201,28 @@ impl Described<'_> {
         }
     }
 
-    /// `message` at the end of `way` in the robot's table, as the strongest layer has it, or else as near as any has it.
+    /// `message` at the end of `way` in the robot's table, as the strongest layer has it, or else
+    /// as near as any has it.
     fn error(&self, way: &[Step], message: String, label: Option<String>) -> SpecError {
-        let table = [Step::Key("environments".to_owned()), Step::Key(self.name.to_owned())];
+        let table = [
+            Step::Key("environments".to_owned()),
+            Step::Key(self.name.to_owned()),
+        ];
         let place = (0..=way.len()).rev().find_map(|length| {
             let way: Vec<Step> = table.iter().chain(&way[..length]).cloned().collect();
-            self.sources.iter().rev().find_map(|source| Some(source.layer.place(source.span(&way)?)))
+            self.sources
+                .iter()
+                .rev()
+                .find_map(|source| Some(source.layer.place(source.span(&way)?)))
         });
         let place = place.unwrap_or_else(|| Place::Layer(self.name.to_owned()));
-        SpecError { message, place, label, help: None, about: Vec::new() }
+        SpecError {
+            message,
+            place,
+            label,
+            help: None,
+            about: Vec::new(),
+        }
     }
 }
 
@@ -173,8 +232,16 @@ fn in_model(message: &str, model: &Path) -> Option<Place> {
     let digits = after.split(|c: char| !c.is_ascii_digit()).next()?;
     let line: usize = digits.parse().ok()?;
     let text = std::fs::read_to_string(model).ok()?;
-    let start = text.split_inclusive('\n').take(line.checked_sub(1)?).map(str::len).sum::<usize>();
+    let start = text
+        .split_inclusive('\n')
+        .take(line.checked_sub(1)?)
+        .map(str::len)
+        .sum::<usize>();
     let whole = text.get(start..)?.lines().next()?;
     let span = start + whole.len() - whole.trim_start().len()..start + whole.len();
-    Some(Place::File { path: model.to_owned(), text: Arc::from(text), span })
+    Some(Place::File {
+        path: model.to_owned(),
+        text: Arc::from(text),
+        span,
+    })
 }

@@ -9,48 +9,85 @@ use super::{
 };
 use crate::{env::EnvId, measured::Measure};
 
-/// What an editor takes for the name of a robot of one's own: one without a Gym version at its end, where a mistake in the
-/// name of an environment that ships is likelier. The parser, which knows the robots, is not so strict.
+/// What an editor takes for the name of a robot of one's own: one without a Gym version at its end,
+/// where a mistake in the name of an environment that ships is likelier. The parser, which knows
+/// the robots, is not so strict.
 const OWN: &str = "^(?!.*-v[0-9]+$)[A-Za-z0-9_-][A-Za-z0-9._-]{0,99}$";
 
 /// The JSON Schema (draft 2020-12) of a matrix file: every key with its documentation.
 pub fn schema() -> Value {
     let catalog = Catalog::get();
-    let settings = properties(&catalog.settings.schema(&[]).map(optional).unwrap_or_default());
+    let settings = properties(
+        &catalog
+            .settings
+            .schema(&[])
+            .map(optional)
+            .unwrap_or_default(),
+    );
     let algorithms = object(
         "Hyperparameters, by the algorithm's name; the defaults are the paper's Tables 1 and 2",
         catalog
             .algorithms()
-            .map(|(name, section)| ((*name).into(), section.schema(&[]).map(optional).unwrap_or_default()))
+            .map(|(name, section)| {
+                (
+                    (*name).into(),
+                    section.schema(&[]).map(optional).unwrap_or_default(),
+                )
+            })
             .collect(),
     );
 
     let mut environment = settings.clone();
     environment.insert("algorithms".into(), algorithms.clone());
     let mut robot = environment.clone();
-    robot.extend(properties(catalog.robot.schema(&[]).unwrap_or(&Value::Null)));
-    let robot = object("A robot of one's own, with settings and hyperparameters for it alone", robot);
-    let environment = object("Settings and hyperparameters for one environment alone", environment);
-    let environments = EnvId::known().map(|(name, _)| (name.to_owned(), environment.clone())).collect();
-    let mut environments =
-        object("Settings by the environment's name, Gym's or the paper's, or one's own", environments);
+    robot.extend(properties(
+        catalog.robot.schema(&[]).unwrap_or(&Value::Null),
+    ));
+    let robot = object(
+        "A robot of one's own, with settings and hyperparameters for it alone",
+        robot,
+    );
+    let environment = object(
+        "Settings and hyperparameters for one environment alone",
+        environment,
+    );
+    let environments = EnvId::known()
+        .map(|(name, _)| (name.to_owned(), environment.clone()))
+        .collect();
+    let mut environments = object(
+        "Settings by the environment's name, Gym's or the paper's, or one's own",
+        environments,
+    );
     environments["patternProperties"] = json!({ (OWN): robot });
 
     let mut file = settings;
     let text = |description: &str| json!({ "type": "string", "description": description });
-    file.insert("name".into(), name("Name of the experiment, and of its folder under the results"));
+    file.insert(
+        "name".into(),
+        name("Name of the experiment, and of its folder under the results"),
+    );
     file.insert("description".into(), text("A sentence for readers"));
     file.insert(
         "extends".into(),
         text("A weaker file, relative to this one, whose keys apply where this one is silent"),
     );
-    file.insert("matrix".into(), list("Blocks; every combination of a block's lists is one run", block()));
+    file.insert(
+        "matrix".into(),
+        list(
+            "Blocks; every combination of a block's lists is one run",
+            block(),
+        ),
+    );
     file.insert("algorithms".into(), algorithms);
     file.insert("environments".into(), environments);
     for (key, what, section) in [
         ("figures", "Learning curves", &catalog.figure),
         ("tables", "Tables of returns", &catalog.table),
-        ("settings", "Tables of what was set", &catalog.settings_table),
+        (
+            "settings",
+            "Tables of what was set",
+            &catalog.settings_table,
+        ),
     ] {
         let mut element = section.schema(&[]).cloned().unwrap_or_default();
         let fields = &mut element["properties"];
@@ -60,19 +97,37 @@ pub fn schema() -> Value {
             ("reference", Reference::known()),
             ("columns", Key::known()),
         ] {
-            fields.get_mut(field).into_iter().for_each(|schema| one_of(schema, &names));
+            fields
+                .get_mut(field)
+                .into_iter()
+                .for_each(|schema| one_of(schema, &names));
         }
-        if let Some(axis) = fields.get_mut("panels").and_then(|panels| panels["anyOf"].get_mut(0)) {
+        if let Some(axis) = fields
+            .get_mut("panels")
+            .and_then(|panels| panels["anyOf"].get_mut(0))
+        {
             one_of(axis, &Key::known());
         }
-        for (field, names) in [("series", Key::known()), ("rows", Key::known()), ("show", Shown::known())] {
+        for (field, names) in [
+            ("series", Key::known()),
+            ("rows", Key::known()),
+            ("show", Shown::known()),
+        ] {
             let items = fields.get_mut(field).and_then(|list| list.get_mut("items"));
             items.into_iter().for_each(|schema| one_of(schema, &names));
         }
         file.insert(key.into(), list(what, element));
     }
-    file.insert("claims".into(), list("What the paper says, judged by what is recorded", claim(&catalog.claim)));
-    file.extend(properties(&catalog.slurm.schema(&[]).map(optional).unwrap_or_default()));
+    file.insert(
+        "claims".into(),
+        list(
+            "What the paper says, judged by what is recorded",
+            claim(&catalog.claim),
+        ),
+    );
+    file.extend(properties(
+        &catalog.slurm.schema(&[]).map(optional).unwrap_or_default(),
+    ));
     let mut schema = object("An experiment of mcpo-run", file);
     schema["$schema"] = json!("https://json-schema.org/draft/2020-12/schema");
     schema["title"] = json!("mcpo-run experiment");
@@ -85,16 +140,31 @@ fn block() -> Value {
     let values = |description: &str, items: Value| json!({ "type": "array", "minItems": 1, "uniqueItems": true, "description": description, "items": items });
     let environments: Vec<&str> = EnvId::known().map(|(name, _)| name).collect();
     let mut keys = Map::new();
-    keys.insert("seed".into(), values("Seeds", json!({ "type": "integer", "minimum": 0, "maximum": i64::MAX })));
+    keys.insert(
+        "seed".into(),
+        values(
+            "Seeds",
+            json!({ "type": "integer", "minimum": 0, "maximum": i64::MAX }),
+        ),
+    );
     keys.insert(
         "env".into(),
-        values("Environments", json!({ "anyOf": [{ "enum": environments }, { "type": "string", "pattern": OWN }] })),
+        values(
+            "Environments",
+            json!({ "anyOf": [{ "enum": environments }, { "type": "string", "pattern": OWN }] }),
+        ),
     );
     let algorithms: Vec<&str> = Algorithm::names().collect();
-    keys.insert("algorithm".into(), values("Algorithms", json!({ "enum": algorithms })));
+    keys.insert(
+        "algorithm".into(),
+        values("Algorithms", json!({ "enum": algorithms })),
+    );
     for name in Parameter::names() {
         if let Some(schema) = value(&name) {
-            let description = schema["description"].as_str().unwrap_or_default().to_owned();
+            let description = schema["description"]
+                .as_str()
+                .unwrap_or_default()
+                .to_owned();
             keys.insert(name, values(&description, schema));
         }
     }
@@ -106,7 +176,10 @@ fn block() -> Value {
 /// A claim: what is kept is compared with nothing, what is compared is compared with something.
 fn claim(section: &Section) -> Value {
     let mut claim = section.schema(&[]).cloned().unwrap_or_default();
-    one_of(&mut claim["properties"]["on"], &Measure::names().map(str::to_owned).collect::<Vec<_>>());
+    one_of(
+        &mut claim["properties"]["on"],
+        &Measure::names().map(str::to_owned).collect::<Vec<_>>(),
+    );
     let relation = |names: &[&str]| json!({ "is": { "enum": names } });
     let mut compared = relation(&["above", "below"]);
     compared["share"] = json!(false);
@@ -129,10 +202,13 @@ fn claim(section: &Section) -> Value {
 fn value(name: &str) -> Option<Value> {
     let catalog = Catalog::get();
     let parameter = Parameter::find(name)?;
-    let of = |section: &Section, key: &str| section.schema(&key.split('.').collect::<Vec<_>>()).cloned();
+    let of =
+        |section: &Section, key: &str| section.schema(&key.split('.').collect::<Vec<_>>()).cloned();
     match &parameter {
         Parameter::Setting(key) => of(&catalog.settings, key),
-        _ => catalog.algorithms().find_map(|(algorithm, section)| of(section, parameter.hyperparameter_of(algorithm)?)),
+        _ => catalog
+            .algorithms()
+            .find_map(|(algorithm, section)| of(section, parameter.hyperparameter_of(algorithm)?)),
     }
 }
 
@@ -140,7 +216,10 @@ fn value(name: &str) -> Option<Value> {
 fn one_of(schema: &mut Value, names: &[String]) {
     if let Some(fields) = schema.as_object_mut() {
         let may_be_absent = fields["type"].is_array();
-        let names = names.iter().map(|name| json!(name)).chain(may_be_absent.then_some(Value::Null));
+        let names = names
+            .iter()
+            .map(|name| json!(name))
+            .chain(may_be_absent.then_some(Value::Null));
         fields.insert("enum".into(), names.collect());
         fields.remove("type");
     }
@@ -159,16 +238,25 @@ fn name(description: &str) -> Value {
 }
 
 fn properties(schema: &Value) -> Map<String, Value> {
-    schema["properties"].as_object().cloned().unwrap_or_default()
+    schema["properties"]
+        .as_object()
+        .cloned()
+        .unwrap_or_default()
 }
 
-/// `schema` with no key required, since every one has a default; the fields of choices, such as a reward's, stay so.
+/// `schema` with no key required, since every one has a default; the fields of choices, such as a
+/// reward's, stay so.
 fn optional(schema: &Value) -> Value {
     let mut schema = schema.clone();
-    if let Some(fields) = schema.as_object_mut().filter(|fields| fields.contains_key("properties")) {
+    if let Some(fields) = schema
+        .as_object_mut()
+        .filter(|fields| fields.contains_key("properties"))
+    {
         fields.remove("required");
         if let Some(Value::Object(properties)) = fields.get_mut("properties") {
-            properties.values_mut().for_each(|inner| *inner = optional(inner));
+            properties
+                .values_mut()
+                .for_each(|inner| *inner = optional(inner));
         }
     }
     schema

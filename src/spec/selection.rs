@@ -12,7 +12,8 @@ use super::{
 };
 use crate::env::EnvId;
 
-/// Runs by the values of their axes and parameters. Different keys must all match; of one key given twice, one value.
+/// Runs by the values of their axes and parameters. Different keys must all match; of one key given
+/// twice, one value.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Selection {
     /// As it was written.
@@ -56,9 +57,14 @@ impl Selection {
     ///
     /// A piece has another form, or names a key, environment or algorithm that does not exist.
     pub fn parse(text: &str) -> Result<Self, SelectionError> {
-        let mut selection = Self { text: text.to_owned(), ..Self::default() };
+        let mut selection = Self {
+            text: text.to_owned(),
+            ..Self::default()
+        };
         for piece in pieces(text) {
-            let (key, value) = piece.split_once('=').ok_or_else(|| SelectionError::Form(piece.into()))?;
+            let (key, value) = piece
+                .split_once('=')
+                .ok_or_else(|| SelectionError::Form(piece.into()))?;
             let (key, list) = match key.strip_suffix('!') {
                 Some(key) => (key, &mut selection.unwanted),
                 None => (key, &mut selection.wanted),
@@ -79,20 +85,31 @@ impl Selection {
 fn unknown(name: &str) -> SelectionError {
     let known = Key::known();
     let known = nearest_label("one", name, known.iter().map(String::as_str)).unwrap_or_default();
-    SelectionError::Key { key: name.to_owned(), known }
+    SelectionError::Key {
+        key: name.to_owned(),
+        known,
+    }
 }
 
 /// What `value` means for `key`.
 fn meaning(key: &Key, value: &str) -> Result<toml::Value, SelectionError> {
-    let unknown = |known: String| SelectionError::Value { key: key.to_string(), value: value.to_owned(), known };
+    let unknown = |known: String| SelectionError::Value {
+        key: key.to_string(),
+        value: value.to_owned(),
+        known,
+    };
     let text = match key {
         Key::Env => {
-            let env: EnvId = value.parse().map_err(|_| unknown(EnvId::known_instead(value)))?;
+            let env: EnvId = value
+                .parse()
+                .map_err(|_| unknown(EnvId::known_instead(value)))?;
             env.name().to_owned()
         }
         Key::Algorithm if Algorithm::names().any(|name| name == value) => value.to_owned(),
         Key::Algorithm => {
-            return Err(unknown(nearest_label("one", value, Algorithm::names()).unwrap_or_default()));
+            return Err(unknown(
+                nearest_label("one", value, Algorithm::names()).unwrap_or_default(),
+            ));
         }
         Key::Seed | Key::Parameter(_) => return Ok(parsed(value)),
     };

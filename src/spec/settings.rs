@@ -14,12 +14,14 @@ use crate::{
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Settings {
-    /// The reward that is trained on: `"dense"`, `"sparse1"`, `{ sparse2 = { distance = 15.0 } }` or
-    /// `{ sparse3 = { height = 0.59 } }`; the paper's sparse one for the environment when absent, and a robot's of one's own dense.
+    /// The reward that is trained on: `"dense"`, `"sparse1"`, `{ sparse2 = { distance = 15.0 } }`
+    /// or `{ sparse3 = { height = 0.59 } }`; the paper's sparse one for the environment when
+    /// absent, and a robot's of one's own dense.
     pub reward: Reward,
     /// The time limit of an episode in steps; Gym's when absent, 1000 for a robot of one's own.
     pub max_steps: Count,
-    /// The demonstration's file, relative to the file that names it; `{env}` stands for the environment's name.
+    /// The demonstration's file, relative to the file that names it; `{env}` stands for the
+    /// environment's name.
     pub demonstrations: PathBuf,
     /// How long each run is.
     pub budget: Budget,
@@ -45,19 +47,20 @@ pub struct Budget {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Rollout {
-    /// Steps of one iteration, over all environments; a multiple of `environments`. Default 1024 under MCPO, Table 1's
-    /// batch; else 4096, MountainCar 2048.
+    /// Steps of one iteration, over all environments; a multiple of `environments`. Default 1024
+    /// under MCPO, Table 1's batch; else 4096, MountainCar 2048.
     pub steps: Count,
     /// Environments stepped together in one process. Default 8.
     pub environments: Count,
 }
 
-/// `[evaluation]`: episodes with the mean action and a frozen normaliser, on the dense and the sparse reward.
+/// `[evaluation]`: episodes with the mean action and a frozen normaliser, on the dense and the
+/// sparse reward.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Evaluation {
-    /// Environment steps of training between two evaluations; the last policy is evaluated in any case. Default
-    /// 20,000, but no less than ten times the steps that one evaluation can take.
+    /// Environment steps of training between two evaluations; the last policy is evaluated in any
+    /// case. Default 20,000, but no less than ten times the steps that one evaluation can take.
     pub every: EnvSteps,
     /// Episodes of each evaluation during training. Default 2.
     pub episodes: Count,
@@ -69,7 +72,8 @@ pub struct Evaluation {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Network {
-    /// Widths of the hidden layers of policy, value and discriminator networks. Default `[300, 400]`.
+    /// Widths of the hidden layers of policy, value and discriminator networks. Default `[300,
+    /// 400]`.
     pub hidden: Vec<Count>,
     /// The policy's standard deviation at the start, in units of the action. Default 0.5.
     pub initial_std: Positive,
@@ -81,9 +85,11 @@ pub struct Network {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Checkpoint {
-    /// Seconds of wall time between two checkpoints that an interrupted run resumes from. Default 60.
+    /// Seconds of wall time between two checkpoints that an interrupted run resumes from. Default
+    /// 60.
     pub every_seconds: Positive,
-    /// Keep the policy every so many environment steps, for `demo collect`; none is kept when absent.
+    /// Keep the policy every so many environment steps, for `demo collect`; none is kept when
+    /// absent.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub keep_policy_every: Option<EnvSteps>,
 }
@@ -93,21 +99,30 @@ impl Settings {
     pub(super) const DEMONSTRATIONS: &str = "demos/{env}.parquet";
     /// The share of training steps that evaluations under way may take, as one part in so many.
     const EVALUATION_PART: u64 = 10;
-    /// Steps between two evaluations where these cost little: a hundred points in a learning curve of 2 million steps.
+    /// Steps between two evaluations where these cost little: a hundred points in a learning curve
+    /// of 2 million steps.
     const EVALUATE_EVERY: u64 = 20_000;
 
     /// The defaults for `algorithm` in `env` under a budget of `env_steps`.
     pub fn defaults(env: EnvId, algorithm: &str, env_steps: EnvSteps) -> Self {
         let episodes = constant(2);
         let max_steps = count(env.max_steps());
-        let of_env = || constant(if env == EnvId::MountainCar { 2048 } else { 4096 });
+        let of_env = || {
+            constant(if env == EnvId::MountainCar {
+                2048
+            } else {
+                4096
+            })
+        };
         Self {
             reward: env.default_reward(),
             max_steps,
             demonstrations: PathBuf::from(Self::DEMONSTRATIONS),
             budget: Budget { env_steps },
             rollout: Rollout {
-                steps: catalogue::find(algorithm).and_then(|entry| entry.about().steps).map_or_else(of_env, count),
+                steps: catalogue::find(algorithm)
+                    .and_then(|entry| entry.about().steps)
+                    .map_or_else(of_env, count),
                 environments: constant(8),
             },
             evaluation: Evaluation {
@@ -120,13 +135,16 @@ impl Settings {
                 initial_std: constant(0.5),
                 observation_clip: constant(10.0),
             },
-            checkpoint: Checkpoint { every_seconds: constant(60.0), keep_policy_every: None },
+            checkpoint: Checkpoint {
+                every_seconds: constant(60.0),
+                keep_policy_every: None,
+            },
         }
     }
 
-    /// The default of `evaluation.every`: the same whatever the budget, so that a run that is made longer is evaluated at the
-    /// same steps as one that was longer from the start; and never such that evaluations cost more than a tenth of training's
-    /// steps.
+    /// The default of `evaluation.every`: the same whatever the budget, so that a run that is made
+    /// longer is evaluated at the same steps as one that was longer from the start; and never such
+    /// that evaluations cost more than a tenth of training's steps.
     pub(super) fn evaluate_every(episodes: Count, max_steps: Count) -> EnvSteps {
         let longest = episodes.get().saturating_mul(max_steps.get());
         count(Self::EVALUATE_EVERY.max(longest.saturating_mul(Self::EVALUATION_PART)))
@@ -148,17 +166,33 @@ mod tests {
             let settings = Settings::defaults(EnvId::Hopper, "ppo", constant(env_steps));
             let evaluations = settings.budget.env_steps.get() / settings.evaluation.every.get();
             let cost = evaluations * settings.evaluation.episodes.get() * settings.max_steps.get();
-            assert!(cost * 10 <= settings.budget.env_steps.get(), "{cost} of {env_steps}");
+            assert!(
+                cost * 10 <= settings.budget.env_steps.get(),
+                "{cost} of {env_steps}"
+            );
         }
-        assert_eq!(Settings::evaluate_every(constant(10), constant(1000)), constant(100_000));
-        assert_eq!(Settings::evaluate_every(constant(1), constant(200)), constant(20_000));
+        assert_eq!(
+            Settings::evaluate_every(constant(10), constant(1000)),
+            constant(100_000)
+        );
+        assert_eq!(
+            Settings::evaluate_every(constant(1), constant(200)),
+            constant(20_000)
+        );
     }
 
     #[test]
     fn rollouts_divide_among_their_environments() {
-        for (env, algorithm) in EnvId::ALL.into_iter().flat_map(|env| [(env, "mcpo"), (env, "ppo")]) {
+        for (env, algorithm) in EnvId::ALL
+            .into_iter()
+            .flat_map(|env| [(env, "mcpo"), (env, "ppo")])
+        {
             let rollout = Settings::defaults(env, algorithm, constant(1)).rollout;
-            assert_eq!(rollout.steps.get() % rollout.environments.get(), 0, "{algorithm} in {env}");
+            assert_eq!(
+                rollout.steps.get() % rollout.environments.get(),
+                0,
+                "{algorithm} in {env}"
+            );
         }
     }
 }

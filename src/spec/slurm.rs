@@ -14,8 +14,8 @@ pub struct Slurm {
     /// The account that is charged; the user's default when absent.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub account: Option<Name>,
-    /// The time limit of an element, as Slurm writes it: `90` (minutes), `4:00:00` or `2-12` (days and hours); the partition's
-    /// when absent.
+    /// The time limit of an element, as Slurm writes it: `90` (minutes), `4:00:00` or `2-12` (days
+    /// and hours); the partition's when absent.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub time: Option<Time>,
     /// The memory of an element, such as `2G`; the cluster's default when absent.
@@ -30,8 +30,8 @@ pub struct Slurm {
     /// Runs of an element. Default 1.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub pack: Option<Count>,
-    /// Seconds before the time limit at which runs write a checkpoint and stop, to resume when the element is started again.
-    /// Default 120.
+    /// Seconds before the time limit at which runs write a checkpoint and stop, to resume when the
+    /// element is started again. Default 120.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub grace: Option<Count>,
     /// Other options of `sbatch`, such as `["--constraint=avx512", "--exclusive"]`.
@@ -144,14 +144,19 @@ fn is_free(text: &str) -> bool {
     let name = text.split('=').next().unwrap_or_default();
     let letters = name.strip_prefix("--").unwrap_or_default();
     let is_name = letters.starts_with(|c: char| c.is_ascii_lowercase())
-        && letters.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-');
+        && letters
+            .chars()
+            .all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-');
     // sbatch takes the beginning of an option's name for the option.
     is_name && !OWN.iter().any(|own| own.starts_with(name))
 }
 
 fn is_time(text: &str) -> bool {
-    let (days, time) = text.split_once('-').map_or(("0", text), |(days, time)| (days, time));
-    let is_number = |text: &str| (1..=9).contains(&text.len()) && text.bytes().all(|c| c.is_ascii_digit());
+    let (days, time) = text
+        .split_once('-')
+        .map_or(("0", text), |(days, time)| (days, time));
+    let is_number =
+        |text: &str| (1..=9).contains(&text.len()) && text.bytes().all(|c| c.is_ascii_digit());
     is_number(days) && time.split(':').count() <= 3 && time.split(':').all(is_number)
 }
 
@@ -169,22 +174,46 @@ mod tests {
         for text in ["90", "4:00:00", "90:30", "2-12", "2-12:30", "2-12:30:00"] {
             assert!(text.parse::<Time>().is_ok(), "{text}");
         }
-        for text in ["", "2h", "1:2:3:4", "-1", "1-", ":1", "1 ", "90\n", "$(date)"] {
+        for text in [
+            "", "2h", "1:2:3:4", "-1", "1-", ":1", "1 ", "90\n", "$(date)",
+        ] {
             assert!(text.parse::<Time>().is_err(), "{text}");
         }
-        assert!(["500M", "2G", "1024"].iter().all(|text| text.parse::<Memory>().is_ok()));
-        assert!(["", "G", "2GB", "-2G", "2 G", "2G\n--wrap=x"].iter().all(|text| text.parse::<Memory>().is_err()));
+        assert!(
+            ["500M", "2G", "1024"]
+                .iter()
+                .all(|text| text.parse::<Memory>().is_ok())
+        );
+        assert!(
+            ["", "G", "2GB", "-2G", "2 G", "2G\n--wrap=x"]
+                .iter()
+                .all(|text| text.parse::<Memory>().is_err())
+        );
     }
 
     #[test]
     fn other_options_are_options_and_none_of_the_programs_own() {
-        for text in ["--constraint=avx512", "--exclusive", "--gres=gpu:1", "--mail-type=END,FAIL", "--reservation=$(x)"]
-        {
+        for text in [
+            "--constraint=avx512",
+            "--exclusive",
+            "--gres=gpu:1",
+            "--mail-type=END,FAIL",
+            "--reservation=$(x)",
+        ] {
             assert!(text.parse::<SbatchOption>().is_ok(), "{text}");
         }
-        for text in
-            ["", "-p x", "--", "x", "--array=0-3", "--arr=0-3", "--wrap=x", "--a b", "--exclusive\n--wrap=x", "--X"]
-        {
+        for text in [
+            "",
+            "-p x",
+            "--",
+            "x",
+            "--array=0-3",
+            "--arr=0-3",
+            "--wrap=x",
+            "--a b",
+            "--exclusive\n--wrap=x",
+            "--X",
+        ] {
             assert!(text.parse::<SbatchOption>().is_err(), "{text}");
         }
     }

@@ -26,9 +26,17 @@ use crate::{
 /// No matrix that a person wrote is longer, bytes.
 const LONGEST: u64 = 4 << 20;
 
-/// What stands in toml's messages of slips that others follow, up to the end of a list, an inline table or a text.
-const CONTAINERS: [&str; 7] =
-    ["array element", "in array", "unclosed array", "inline table", "key-value pair", "multi-line", "the list above"];
+/// What stands in toml's messages of slips that others follow, up to the end of a list, an inline
+/// table or a text.
+const CONTAINERS: [&str; 7] = [
+    "array element",
+    "in array",
+    "unclosed array",
+    "inline table",
+    "key-value pair",
+    "multi-line",
+    "the list above",
+];
 
 /// What toml says of a block's header without end, which is a slip of one line.
 const HEADER: &str = "unclosed array table";
@@ -45,25 +53,40 @@ pub(super) struct Layer {
 impl Layer {
     /// A file that was read.
     pub(super) fn file(path: &Path, text: &str) -> Self {
-        Self { path: Some(path.to_owned()), name: path.display().to_string(), text: text.into() }
+        Self {
+            path: Some(path.to_owned()),
+            name: path.display().to_string(),
+            text: text.into(),
+        }
     }
 
     /// A layer that is no file.
     fn other(name: String, text: &str) -> Self {
-        Self { path: None, name, text: text.into() }
+        Self {
+            path: None,
+            name,
+            text: text.into(),
+        }
     }
 
     /// The place of `span` in it.
     pub(super) fn place(&self, span: Range<usize>) -> Place {
         match &self.path {
-            Some(path) => Place::File { path: path.clone(), text: Arc::clone(&self.text), span },
+            Some(path) => Place::File {
+                path: path.clone(),
+                text: Arc::clone(&self.text),
+                span,
+            },
             None => Place::Layer(self.name.clone()),
         }
     }
 
     /// The folder at which relative paths in it start.
     pub(super) fn folder(&self) -> &Path {
-        self.path.as_deref().and_then(Path::parent).unwrap_or(Path::new(""))
+        self.path
+            .as_deref()
+            .and_then(Path::parent)
+            .unwrap_or(Path::new(""))
     }
 
     /// What it says, and every mistake of syntax in it.
@@ -81,31 +104,57 @@ impl Layer {
                 .rsplit('\n')
                 .next()
                 .is_some_and(|before| before.trim().is_empty());
-            let is_assigned = self.text.get(span.end..).unwrap_or_default().trim_start().starts_with('=');
-            let is_key = |message: &str| is_assigned && message.starts_with("string values must be quoted");
+            let is_assigned = self
+                .text
+                .get(span.end..)
+                .unwrap_or_default()
+                .trim_start()
+                .starts_with('=');
+            let is_key =
+                |message: &str| is_assigned && message.starts_with("string values must be quoted");
             let (message, label) = match error.message().split_once(", expected ") {
                 // What toml says of `key =` with nothing behind it.
-                Some(_) if span.is_empty() && error.message().starts_with("string values must be quoted") => {
-                    ("a value is missing".to_owned(), Some("expected a value".to_owned()))
+                Some(_)
+                    if span.is_empty()
+                        && error.message().starts_with("string values must be quoted") =>
+                {
+                    (
+                        "a value is missing".to_owned(),
+                        Some("expected a value".to_owned()),
+                    )
                 }
                 // The next key, taken for one more element.
                 Some((message, _))
-                    if starts_line && (message.starts_with("missing comma between array") || is_key(message)) =>
+                    if starts_line
+                        && (message.starts_with("missing comma between array")
+                            || is_key(message)) =>
                 {
                     (
                         "the list above is not closed".to_owned(),
                         Some("expected `]` before this line, or `,`".to_owned()),
                     )
                 }
-                Some((message, expected)) => (message.to_owned(), Some(format!("expected {expected}"))),
+                Some((message, expected)) => {
+                    (message.to_owned(), Some(format!("expected {expected}")))
+                }
                 None => (error.message().to_owned(), None),
             };
-            let error = SpecError { message, place: self.place(span), label, help: None, about: Vec::new() };
-            // What follows a slip on its line, or a list, table or text that does not end, follows from it.
+            let error = SpecError {
+                message,
+                place: self.place(span),
+                label,
+                help: None,
+                about: Vec::new(),
+            };
+            // What follows a slip on its line, or a list, table or text that does not end, follows
+            // from it.
             if open || told.last().is_some_and(|last| last.line() == error.line()) {
                 continue;
             }
-            open = error.message != HEADER && CONTAINERS.iter().any(|container| error.message.contains(container));
+            open = error.message != HEADER
+                && CONTAINERS
+                    .iter()
+                    .any(|container| error.message.contains(container));
             told.push(error);
         }
         (Source { layer: self, tree }, told)
@@ -141,20 +190,40 @@ impl Source<'_> {
             },
             Some((Step::Key(first), between)) => {
                 let first = self.tree.get_ref().get(first.as_str())?;
-                between.iter().chain([last]).try_fold(first, |value, step| step.of(value))
+                between
+                    .iter()
+                    .chain([last])
+                    .try_fold(first, |value, step| step.of(value))
             }
             Some((Step::Index(_), _)) => None,
         };
         inner.map(Spanned::span)
     }
 
-    /// The bytes of the value at the end of `way` under the table of `env`, whichever of its names that has.
+    /// The bytes of the value at the end of `way` under the table of `env`, whichever of its names
+    /// that has.
     pub(super) fn environment_span(&self, env: EnvId, way: &[Step]) -> Option<Range<usize>> {
-        let environments = self.tree.get_ref().get("environments")?.get_ref().as_table()?;
-        let (name, _) =
-            environments.iter().find(|(name, _)| name.get_ref().parse::<EnvId>().is_ok_and(|known| known == env))?;
-        let whole = [Step::Key("environments".into()), Step::Key(name.get_ref().to_string())];
-        self.span(&whole.into_iter().chain(way.iter().cloned()).collect::<Vec<_>>())
+        let environments = self
+            .tree
+            .get_ref()
+            .get("environments")?
+            .get_ref()
+            .as_table()?;
+        let (name, _) = environments.iter().find(|(name, _)| {
+            name.get_ref()
+                .parse::<EnvId>()
+                .is_ok_and(|known| known == env)
+        })?;
+        let whole = [
+            Step::Key("environments".into()),
+            Step::Key(name.get_ref().to_string()),
+        ];
+        self.span(
+            &whole
+                .into_iter()
+                .chain(way.iter().cloned())
+                .collect::<Vec<_>>(),
+        )
     }
 }
 
@@ -172,30 +241,59 @@ pub(super) fn plain_value(value: &Spanned<DeValue<'_>>) -> Option<toml::Value> {
     toml::Value::deserialize(ValueDeserializer::from(value.clone())).ok()
 }
 
-/// The file at `path` and those that it extends, weakest first, with what is wrong with their names.
+/// The file at `path` and those that it extends, weakest first, with what is wrong with their
+/// names.
 ///
 /// `text` is the file's, where it is not read from `path`.
 pub(super) fn files(path: &Path, text: Option<&str>) -> (Vec<Layer>, Vec<SpecError>) {
     let mut chain: Vec<Layer> = Vec::new();
     let mut seen: Vec<PathBuf> = Vec::new();
-    let mut next = match text.map(|text| Ok(text.to_owned())).unwrap_or_else(|| read(path)) {
+    let mut next = match text
+        .map(|text| Ok(text.to_owned()))
+        .unwrap_or_else(|| read(path))
+    {
         Ok(text) => Some(Layer::file(path, &text)),
         Err(reason) => {
             let place = Place::Layer(path.display().to_string());
-            return (chain, vec![SpecError { message: reason, place, label: None, help: None, about: Vec::new() }]);
+            return (
+                chain,
+                vec![SpecError {
+                    message: reason,
+                    place,
+                    label: None,
+                    help: None,
+                    about: Vec::new(),
+                }],
+            );
         }
     };
     let mut errors = Vec::new();
     while let Some(layer) = next.take() {
-        seen.extend(layer.path.as_ref().map(|path| path.canonicalize().unwrap_or_else(|_| path.clone())));
+        seen.extend(
+            layer
+                .path
+                .as_ref()
+                .map(|path| path.canonicalize().unwrap_or_else(|_| path.clone())),
+        );
         if let Some((base, span)) = extended(&layer) {
             let base = layer.folder().join(base);
-            let refuse =
-                |message| SpecError { message, place: layer.place(span), label: None, help: None, about: Vec::new() };
+            let refuse = |message| SpecError {
+                message,
+                place: layer.place(span),
+                label: None,
+                help: None,
+                about: Vec::new(),
+            };
             match read(&base) {
-                Err(reason) => errors.push(refuse(format!("cannot extend {}: {reason}", base.display()))),
+                Err(reason) => errors.push(refuse(format!(
+                    "cannot extend {}: {reason}",
+                    base.display()
+                ))),
                 Ok(_) if base.canonicalize().is_ok_and(|base| seen.contains(&base)) => {
-                    errors.push(refuse(format!("{} ends up extending itself", base.display())));
+                    errors.push(refuse(format!(
+                        "{} ends up extending itself",
+                        base.display()
+                    )));
                 }
                 Ok(text) => next = Some(Layer::file(&base, &text)),
             }
@@ -220,10 +318,19 @@ fn read(path: &Path) -> Result<String, String> {
         _ => format!("cannot read it: {error}"),
     })?;
     String::from_utf8(bytes).map_err(|error| {
-        let before = String::from_utf8_lossy(&error.as_bytes()[..error.utf8_error().valid_up_to()]).into_owned();
+        let before = String::from_utf8_lossy(&error.as_bytes()[..error.utf8_error().valid_up_to()])
+            .into_owned();
         let line = before.matches('\n').count() + 1;
-        let column = before.rsplit('\n').next().unwrap_or_default().chars().count() + 1;
-        format!("it is not UTF-8 text: line {line}, column {column} is not the start of a character")
+        let column = before
+            .rsplit('\n')
+            .next()
+            .unwrap_or_default()
+            .chars()
+            .count()
+            + 1;
+        format!(
+            "it is not UTF-8 text: line {line}, column {column} is not the start of a character"
+        )
     })
 }
 
@@ -247,7 +354,11 @@ pub(super) fn overriding(overrides: &Overrides, variables: bool) -> (Vec<Layer>,
         for (name, (key, text)) in layers::variables() {
             let name = format!("environment variable {name}");
             if key.len() > DEEPEST {
-                refuse(&name, format!("a key of {} parts", key.len()), "no key has so many");
+                refuse(
+                    &name,
+                    format!("a key of {} parts", key.len()),
+                    "no key has so many",
+                );
                 continue;
             }
             let key: Vec<String> = key.iter().map(|part| quoted(part)).collect();
@@ -257,20 +368,31 @@ pub(super) fn overriding(overrides: &Overrides, variables: bool) -> (Vec<Layer>,
     let mut set: Vec<(String, Vec<String>)> = Vec::new();
     for argument in &overrides.set {
         let name = format!("--set {argument}");
-        let text = argument.split_once('=').map(|(key, value)| assigned(key.trim(), value));
+        let text = argument
+            .split_once('=')
+            .map(|(key, value)| assigned(key.trim(), value));
         let text = text.unwrap_or_default();
-        let keys = DeTable::parse(&text).map(|table| leaves(table.get_ref())).unwrap_or_default();
+        let keys = DeTable::parse(&text)
+            .map(|table| leaves(table.get_ref()))
+            .unwrap_or_default();
         if keys.is_empty() {
-            refuse(&name, "not of the form KEY=VALUE".into(), "such as `budget.env_steps=100000`");
+            refuse(
+                &name,
+                "not of the form KEY=VALUE".into(),
+                "such as `budget.env_steps=100000`",
+            );
             continue;
         }
-        match set
-            .iter()
-            .find_map(|(before, known)| keys.iter().find(|key| known.contains(key)).map(|key| (before, key)))
-        {
-            Some((before, key)) => {
-                refuse(&name, format!("`{key}` is set twice"), &format!("the first is `--set {before}`"))
-            }
+        match set.iter().find_map(|(before, known)| {
+            keys.iter()
+                .find(|key| known.contains(key))
+                .map(|key| (before, key))
+        }) {
+            Some((before, key)) => refuse(
+                &name,
+                format!("`{key}` is set twice"),
+                &format!("the first is `--set {before}`"),
+            ),
             None => layers.push(Layer::other(name, &text)),
         }
         set.push((argument.clone(), keys));
@@ -284,7 +406,11 @@ fn leaves(table: &DeTable<'_>) -> Vec<String> {
     for (key, value) in table {
         match value.get_ref() {
             DeValue::Table(inner) if !inner.is_empty() => {
-                keys.extend(leaves(inner).into_iter().map(|inner| format!("{}.{inner}", key.get_ref())));
+                keys.extend(
+                    leaves(inner)
+                        .into_iter()
+                        .map(|inner| format!("{}.{inner}", key.get_ref())),
+                );
             }
             _ => keys.push(key.get_ref().to_string()),
         }
@@ -292,8 +418,8 @@ fn leaves(table: &DeTable<'_>) -> Vec<String> {
     keys
 }
 
-/// `key = value` as a line of TOML. What is not valid as a value there is a string: so values are read alike in a file, an
-/// argument and a variable.
+/// `key = value` as a line of TOML. What is not valid as a value there is a string: so values are
+/// read alike in a file, an argument and a variable.
 fn assigned(key: &str, value: &str) -> String {
     format!("{key} = {}", as_value(value))
 }
@@ -301,10 +427,15 @@ fn assigned(key: &str, value: &str) -> String {
 /// `text` as TOML wants a value: as it is, or as a string.
 fn as_value(text: &str) -> String {
     let text = text.trim();
-    if DeValue::parse(text).is_ok() { text.to_owned() } else { quoted(text) }
+    if DeValue::parse(text).is_ok() {
+        text.to_owned()
+    } else {
+        quoted(text)
+    }
 }
 
-/// The pieces of `text` between its commas, but for those within brackets, braces and quotation marks.
+/// The pieces of `text` between its commas, but for those within brackets, braces and quotation
+/// marks.
 pub(super) fn pieces(text: &str) -> Vec<&str> {
     let (mut pieces, mut start, mut depth, mut quote) = (Vec::new(), 0, 0usize, None);
     for (at, c) in text.char_indices() {
@@ -327,7 +458,9 @@ pub(super) fn pieces(text: &str) -> Vec<&str> {
 /// What `text` means as a value: TOML's, or else a string.
 pub(super) fn value(text: &str) -> toml::Value {
     let text = text.trim();
-    let parsed = DeValue::parse(text).ok().and_then(|value| plain_value(&value));
+    let parsed = DeValue::parse(text)
+        .ok()
+        .and_then(|value| plain_value(&value));
     parsed.unwrap_or_else(|| toml::Value::String(text.into()))
 }
 
@@ -345,17 +478,27 @@ pub(super) fn axis_lists(overrides: &Overrides) -> (Vec<AxisList>, Vec<SpecError
     let mut errors = Vec::new();
     for argument in &overrides.axis {
         let name = format!("--axis {argument}");
-        match argument.split_once('=').map(|(key, values)| (key.trim().trim_matches('"'), values)) {
-            Some((key, _)) if lists.iter().any(|list: &AxisList| list.key == key) => errors.push(SpecError {
-                message: format!("the axis `{key}` is given twice"),
-                place: Place::Layer(name),
-                label: Some(format!("write all of its values in one `--axis {key}=VALUE,VALUE...`")),
-                help: None,
-                about: Vec::new(),
-            }),
+        match argument
+            .split_once('=')
+            .map(|(key, values)| (key.trim().trim_matches('"'), values))
+        {
+            Some((key, _)) if lists.iter().any(|list: &AxisList| list.key == key) => {
+                errors.push(SpecError {
+                    message: format!("the axis `{key}` is given twice"),
+                    place: Place::Layer(name),
+                    label: Some(format!(
+                        "write all of its values in one `--axis {key}=VALUE,VALUE...`"
+                    )),
+                    help: None,
+                    about: Vec::new(),
+                })
+            }
             Some((key, values)) if !key.is_empty() => {
                 let text = format!("{} = {}", quoted(key), list(values));
-                lists.push(AxisList { key: key.into(), layer: Layer::other(name, &text) });
+                lists.push(AxisList {
+                    key: key.into(),
+                    layer: Layer::other(name, &text),
+                });
             }
             _ => errors.push(SpecError {
                 message: "not of the form KEY=VALUE,VALUE...".into(),
@@ -369,7 +512,8 @@ pub(super) fn axis_lists(overrides: &Overrides) -> (Vec<AxisList>, Vec<SpecError
     (lists, errors)
 }
 
-/// `values` as a TOML list: as it stands between brackets, or else with every value that is not valid TOML as a string.
+/// `values` as a TOML list: as it stands between brackets, or else with every value that is not
+/// valid TOML as a string.
 fn list(values: &str) -> String {
     let whole = format!("[{values}]");
     if DeValue::parse(&whole).is_ok() {
@@ -388,7 +532,13 @@ impl AxisList {
     /// Its values.
     pub(super) fn values(&self) -> Vec<toml::Value> {
         let (source, _) = self.layer.parse();
-        let value = source.tree.get_ref().get(self.key.as_str()).and_then(plain_value);
-        value.and_then(|value| value.as_array().cloned()).unwrap_or_default()
+        let value = source
+            .tree
+            .get_ref()
+            .get(self.key.as_str())
+            .and_then(plain_value);
+        value
+            .and_then(|value| value.as_array().cloned())
+            .unwrap_or_default()
     }
 }

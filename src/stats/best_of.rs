@@ -1,34 +1,39 @@
 //! The expected best of `k` samples, where the other side has published its one best.
 //!
-//! Somebody drew `k` samples and tells the greatest alone, P. We have `n` samples of mean m and standard deviation S. Did both
-//! draw from the same distribution? What is compared is the mean of the greatest of `k`, theirs and ours, and
-//! D = ours - theirs.
+//! Somebody drew `k` samples and tells the greatest alone, P. We have `n` samples of mean m and
+//! standard deviation S. Did both draw from the same distribution? What is compared is the mean of
+//! the greatest of `k`, theirs and ours, and D = ours - theirs.
 //!
 //! # Derivation
 //!
-//! Let the samples be normal, of one deviation sigma on both sides, of means mu and mu'. The greatest of k standard normal
-//! numbers, M, is below x with probability Phi(x)^k; let c be its mean. Then
+//! Let the samples be normal, of one deviation sigma on both sides, of means mu and mu'. The
+//! greatest of k standard normal numbers, M, is below x with probability Phi(x)^k; let c be its
+//! mean. Then
 //!
 //! ```text
 //! P = mu' + sigma M          m = mu + sigma Z / sqrt(n)          S = sigma W          D = (mu + c sigma) - (mu' + c sigma)
 //! ```
 //!
-//! with Z standard normal, (n - 1) W^2 chi-squared with n - 1 degrees of freedom, and M, Z, W independent. Hence
+//! with Z standard normal, (n - 1) W^2 chi-squared with n - 1 degrees of freedom, and M, Z, W
+//! independent. Hence
 //!
 //! ```text
 //! (P + D - m) / S = (M - Z / sqrt(n)) / W
 //! ```
 //!
-//! whose right side holds no unknown: as Student's t does, it gives exact intervals for D. Its distribution F is an integral over
-//! Z and W, and `F((P + x - m) / S)` is the confidence that D is below x. Where n grows, Z / sqrt(n) and W - 1 vanish, and M
-//! stays: that P is one draw limits what any number of our samples can tell.
+//! whose right side holds no unknown: as Student's t does, it gives exact intervals for D. Its
+//! distribution F is an integral over Z and W, and `F((P + x - m) / S)` is the confidence that D is
+//! below x. Where n grows, Z / sqrt(n) and W - 1 vanish, and M stays: that P is one draw limits
+//! what any number of our samples can tell.
 //!
-//! P may have an error of its own beside the samples' deviation, normal with deviation e. It joins Z / sqrt(n), as e W / S in
-//! units of sigma, which makes F a generalised pivot (Weerahandi, 1993), exact where e is 0.
+//! P may have an error of its own beside the samples' deviation, normal with deviation e. It joins
+//! Z / sqrt(n), as e W / S in units of sigma, which makes F a generalised pivot (Weerahandi, 1993),
+//! exact where e is 0.
 //!
-//! What rests on the normal distribution: of samples of any distribution whatever, P lies above all n of ours with probability
-//! k / (k + n), so that without it "ours is worse" could not be said below 95 samples (k = 5, 5 %). A distribution whose rare
-//! samples are far above the others (a seed in ten succeeds) gives ours all low and P high that often, and is called worse.
+//! What rests on the normal distribution: of samples of any distribution whatever, P lies above all
+//! n of ours with probability k / (k + n), so that without it "ours is worse" could not be said
+//! below 95 samples (k = 5, 5 %). A distribution whose rare samples are far above the others (a
+//! seed in ten succeeds) gives ours all low and P high that often, and is called worse.
 
 use super::{mean_and_variance, normal};
 
@@ -39,7 +44,8 @@ pub struct PublishedBest {
     pub k: i32,
     /// The greatest, P.
     pub value: f64,
-    /// The standard deviation e of its own error, which the samples that it is compared with do not have; 0 for none.
+    /// The standard deviation e of its own error, which the samples that it is compared with do not
+    /// have; 0 for none.
     pub error: f64,
 }
 
@@ -58,13 +64,17 @@ impl Samples {
     /// Those of `values`; `None` for fewer than two.
     pub fn of(values: &[f64]) -> Option<Self> {
         let (mean, variance) = mean_and_variance(values)?;
-        Some(Self { n: values.len(), mean, deviation: variance.sqrt() })
+        Some(Self {
+            n: values.len(),
+            mean,
+            deviation: variance.sqrt(),
+        })
     }
 }
 
 impl PublishedBest {
-    /// The confidence that ours, the expected best of k samples such as `ours`, exceeds theirs by less than `limit`; it grows with
-    /// the limit from 0 to 1.
+    /// The confidence that ours, the expected best of k samples such as `ours`, exceeds theirs by
+    /// less than `limit`; it grows with the limit from 0 to 1.
     pub fn confidence_below(&self, ours: Samples, limit: f64) -> f64 {
         let x = self.value + limit - ours.mean;
         if ours.deviation == 0.0 {
@@ -102,14 +112,21 @@ impl PublishedBest {
         super::check_confidence(confidence);
         let middle = ours.mean + self.mean_over_best(|best| best) * ours.deviation - self.value;
         let scale = ours.deviation.hypot(self.error);
-        let quantile = |share| solve(|limit| self.confidence_below(ours, limit) - share, middle, scale);
+        let quantile = |share| {
+            solve(
+                |limit| self.confidence_below(ours, limit) - share,
+                middle,
+                scale,
+            )
+        };
         let tail = (1.0 - confidence) / 2.0;
         (quantile(tail), quantile(1.0 - tail))
     }
 }
 
-/// The mean of `f` over W, where (n - 1) W^2 is chi-squared with n - 1 degrees of freedom: the trapezoid rule over ln W, whose
-/// density is proportional to exp(v u - v exp(2 u) / 2) with v = n - 1.
+/// The mean of `f` over W, where (n - 1) W^2 is chi-squared with n - 1 degrees of freedom: the
+/// trapezoid rule over ln W, whose density is proportional to exp(v u - v exp(2 u) / 2) with v = n
+/// - 1.
 fn mean_over_deviations(n: usize, f: impl Fn(f64) -> f64) -> f64 {
     /// What is left out on either side weighs less than exp(-FAR) of the middle.
     const FAR: f64 = 20.0;
@@ -118,15 +135,19 @@ fn mean_over_deviations(n: usize, f: impl Fn(f64) -> f64) -> f64 {
     let exponent = |u: f64| freedom * (u - ((2.0 * u).exp() - 1.0) / 2.0);
     let side = |direction: f64, from: i32| {
         let points = (from..).map(move |index| direction * step * f64::from(index));
-        points.map(|u| (u, exponent(u))).take_while(|(_, exponent)| *exponent > -FAR)
+        points
+            .map(|u| (u, exponent(u)))
+            .take_while(|(_, exponent)| *exponent > -FAR)
     };
-    let add =
-        |(sum, all): (f64, f64), (u, exponent): (f64, f64)| (sum + exponent.exp() * f(u.exp()), all + exponent.exp());
+    let add = |(sum, all): (f64, f64), (u, exponent): (f64, f64)| {
+        (sum + exponent.exp() * f(u.exp()), all + exponent.exp())
+    };
     let (sum, all) = side(-1.0, 1).chain(side(1.0, 0)).fold((0.0, 0.0), add);
     sum / all
 }
 
-/// Where the growing `f` is 0, to a millionth of `scale`; the search starts at `middle`, which is the answer where the scale is 0.
+/// Where the growing `f` is 0, to a millionth of `scale`; the search starts at `middle`, which is
+/// the answer where the scale is 0.
 fn solve(f: impl Fn(f64) -> f64, middle: f64, scale: f64) -> f64 {
     if scale == 0.0 {
         return middle;
@@ -135,7 +156,9 @@ fn solve(f: impl Fn(f64) -> f64, middle: f64, scale: f64) -> f64 {
         let ends = (0..60).map(|doublings| middle + direction * scale * 2.0_f64.powi(doublings));
         ends.map(|x| (x, f(x))).find(|(_, y)| y * direction >= 0.0)
     };
-    let (Some(mut low), Some(mut high)) = (end(-1.0), end(1.0)) else { return f64::NAN };
+    let (Some(mut low), Some(mut high)) = (end(-1.0), end(1.0)) else {
+        return f64::NAN;
+    };
     // Regula falsi, and the half of the interval where that stays on one side (the Illinois rule).
     let mut kept = 0.0;
     while high.0 - low.0 > 1e-6 * scale {
@@ -157,8 +180,9 @@ fn solve(f: impl Fn(f64) -> f64, middle: f64, scale: f64) -> f64 {
     (low.0 + high.0) / 2.0
 }
 
-/// The mean of the greatest of `k` samples drawn without replacement from `values`: the unbiased estimator of the expected best
-/// of k for any distribution (Tang et al., 2020). `None` for fewer than k values.
+/// The mean of the greatest of `k` samples drawn without replacement from `values`: the unbiased
+/// estimator of the expected best of k for any distribution (Tang et al., 2020). `None` for fewer
+/// than k values.
 pub fn expected_best(values: &[f64], k: usize) -> Option<f64> {
     let n = values.len();
     if k == 0 || n < k {
@@ -166,7 +190,8 @@ pub fn expected_best(values: &[f64], k: usize) -> Option<f64> {
     }
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
-    // The i-th of n is the greatest of k with probability C(i - 1, k - 1) / C(n, k); from the last one down.
+    // The i-th of n is the greatest of k with probability C(i - 1, k - 1) / C(n, k); from the last
+    // one down.
     let mut share = k as f64 / n as f64;
     let mut sum = 0.0;
     for rank in (k..=n).rev() {
@@ -184,24 +209,42 @@ mod tests {
         Samples { n, mean, deviation }
     }
 
-    const FIVE: PublishedBest = PublishedBest { k: 5, value: 0.0, error: 0.0 };
+    const FIVE: PublishedBest = PublishedBest {
+        k: 5,
+        value: 0.0,
+        error: 0.0,
+    };
 
     #[test]
     fn equal_samples_leave_the_published_error_alone() {
         let ours = samples(5, 1000.0, 0.0);
-        let printed = |error| PublishedBest { value: 990.0, error, ..FIVE };
-        assert_eq!([9.0, 10.0, 11.0].map(|limit| printed(0.0).confidence_below(ours, limit)), [0.0, 0.5, 1.0]);
+        let printed = |error| PublishedBest {
+            value: 990.0,
+            error,
+            ..FIVE
+        };
+        assert_eq!(
+            [9.0, 10.0, 11.0].map(|limit| printed(0.0).confidence_below(ours, limit)),
+            [0.0, 0.5, 1.0]
+        );
         assert_eq!(printed(0.0).interval(ours, 0.9), (10.0, 10.0));
         let (low, high) = printed(5.0).interval(ours, 0.9);
         // `scipy.stats.norm.ppf(0.95)` is 1.6448536.
-        assert!((high - 10.0 - 5.0 * 1.6448536).abs() < 1e-4 && (low + high - 20.0).abs() < 1e-4, "{low} {high}");
+        assert!(
+            (high - 10.0 - 5.0 * 1.6448536).abs() < 1e-4 && (low + high - 20.0).abs() < 1e-4,
+            "{low} {high}"
+        );
         // What differs in its last bits only is as good as equal.
         let (low, high) = printed(0.0).interval(samples(5, 1000.0, 1e-13), 0.9);
-        assert!((low - 10.0).abs() < 1e-9 && (high - 10.0).abs() < 1e-9, "{low} {high}");
+        assert!(
+            (low - 10.0).abs() < 1e-9 && (high - 10.0).abs() < 1e-9,
+            "{low} {high}"
+        );
     }
 
-    /// By `scipy.integrate.quad` over z and w (SciPy 1.17.1): `norm.pdf(z) * norm.cdf((x - noise * z) / sigma)**5`, with noise
-    /// `hypot(sigma / sqrt(n), error)` and sigma `1 / w`, and `chi.pdf(w * sqrt(n - 1), n - 1) * sqrt(n - 1)`.
+    /// By `scipy.integrate.quad` over z and w (SciPy 1.17.1): `norm.pdf(z) * norm.cdf((x - noise *
+    /// z) / sigma)**5`, with noise `hypot(sigma / sqrt(n), error)` and sigma `1 / w`, and
+    /// `chi.pdf(w * sqrt(n - 1), n - 1) * sqrt(n - 1)`.
     #[test]
     fn confidences_are_those_of_quadrature() {
         for (n, limit, exact, with_an_error_of_2) in [
@@ -215,10 +258,15 @@ mod tests {
             (20, 0.5, 0.17160518924016419, 0.37119678582507226),
             (20, 3.0, 0.9791773547685526, 0.7984706562084679),
         ] {
-            let at = |error| PublishedBest { error, ..FIVE }.confidence_below(samples(n, 0.0, 1.0), limit);
+            let at = |error| {
+                PublishedBest { error, ..FIVE }.confidence_below(samples(n, 0.0, 1.0), limit)
+            };
             let (found, noisy) = (at(0.0), at(2.0));
             assert!((found - exact).abs() < 1e-7, "{n} {limit}: {found}");
-            assert!((noisy - with_an_error_of_2).abs() < 1e-7, "{n} {limit}: {noisy}");
+            assert!(
+                (noisy - with_an_error_of_2).abs() < 1e-7,
+                "{n} {limit}: {noisy}"
+            );
         }
     }
 
@@ -231,10 +279,20 @@ mod tests {
             (20, 0.057981132302226665, 2.574331238410482),
         ] {
             let found = FIVE.interval(samples(n, 0.0, 1.0), 0.9);
-            assert!((found.0 - low).abs() < 1e-5 && (found.1 - high).abs() < 1e-5, "{n}: {found:?}");
-            let found = PublishedBest { value: 300.0, ..FIVE }.interval(samples(n, 100.0, 20.0), 0.9);
+            assert!(
+                (found.0 - low).abs() < 1e-5 && (found.1 - high).abs() < 1e-5,
+                "{n}: {found:?}"
+            );
+            let found = PublishedBest {
+                value: 300.0,
+                ..FIVE
+            }
+            .interval(samples(n, 100.0, 20.0), 0.9);
             let wanted = (20.0 * low - 200.0, 20.0 * high - 200.0);
-            assert!((found.0 - wanted.0).abs() < 1e-3 && (found.1 - wanted.1).abs() < 1e-3, "{n}: {found:?}");
+            assert!(
+                (found.0 - wanted.0).abs() < 1e-3 && (found.1 - wanted.1).abs() < 1e-3,
+                "{n}: {found:?}"
+            );
         }
     }
 
@@ -243,12 +301,16 @@ mod tests {
         let far = samples(1_000_000, 0.0, 1.0);
         for limit in [-0.5_f64, 0.2, 1.2, 2.5] {
             // The greatest of five is below x with probability Phi(x)^5.
-            let (found, wanted) = (FIVE.confidence_below(far, limit), normal::cdf(limit).powi(5));
+            let (found, wanted) = (
+                FIVE.confidence_below(far, limit),
+                normal::cdf(limit).powi(5),
+            );
             assert!((found - wanted).abs() < 1e-5, "{limit}: {found} {wanted}");
         }
     }
 
-    /// The mean of the greatest of every choice of k: `mean(max(c) for c in itertools.combinations(x, k))`.
+    /// The mean of the greatest of every choice of k: `mean(max(c) for c in
+    /// itertools.combinations(x, k))`.
     #[test]
     fn the_expected_best_is_the_mean_over_all_choices() {
         let x = [3.0, -1.0, 7.5, 2.0, 2.0, 11.0, 0.5];

@@ -1,7 +1,7 @@
 //! Holm's (1979) correction for testing many hypotheses at once.
 
-/// The p values, such that refuting those that are at most alpha refutes any true hypothesis with probability alpha at most,
-/// whatever their dependence.
+/// The p values, such that refuting those that are at most alpha refutes any true hypothesis with
+/// probability alpha at most, whatever their dependence.
 pub fn holm(p: &[f64]) -> Vec<f64> {
     let mut order: Vec<usize> = (0..p.len()).collect();
     order.sort_by(|&a, &b| p[a].total_cmp(&p[b]));
@@ -22,7 +22,14 @@ mod tests {
     #[test]
     fn the_smallest_counts_most_and_none_overtakes_another() {
         let close = |p: &[f64], wanted: &[f64]| {
-            assert!(holm(p).iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-12), "{:?}", holm(p));
+            assert!(
+                holm(p)
+                    .iter()
+                    .zip(wanted)
+                    .all(|(a, b)| (a - b).abs() < 1e-12),
+                "{:?}",
+                holm(p)
+            );
         };
         close(&[0.01, 0.04, 0.03, 0.005], &[0.03, 0.06, 0.06, 0.02]);
         close(&[0.2, 0.001, 0.9], &[0.4, 0.003, 0.9]);

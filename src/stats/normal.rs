@@ -4,8 +4,9 @@ use std::f64::consts::{SQRT_2, TAU};
 
 use statrs::function::erf::erfc;
 
-/// Half-width and step of the trapezoid rule: what lies beyond is below 1e-9, and so is the error of the sum for integrands that are
-/// as smooth as the fifth power of [`cdf`], since it falls as exp(-2 pi^2 / step^2 / 6).
+/// Half-width and step of the trapezoid rule: what lies beyond is below 1e-9, and so is the error
+/// of the sum for integrands that are as smooth as the fifth power of [`cdf`], since it falls as
+/// exp(-2 pi^2 / step^2 / 6).
 const REACH: f64 = 6.4;
 const STEP: f64 = 0.4;
 
@@ -22,7 +23,10 @@ pub fn density(x: f64) -> f64 {
 /// The mean of `f` over a standard normal number; `f` must change little over less than a unit.
 pub fn mean(f: impl Fn(f64) -> f64) -> f64 {
     let steps = (REACH / STEP).round() as i32;
-    (-steps..=steps).map(|index| STEP * f64::from(index)).map(|z| STEP * density(z) * f(z)).sum()
+    (-steps..=steps)
+        .map(|index| STEP * f64::from(index))
+        .map(|z| STEP * density(z) * f(z))
+        .sum()
 }
 
 #[cfg(test)]
@@ -32,7 +36,12 @@ mod tests {
     /// `scipy.stats.norm.cdf([-3, -0.5, 0, 2])` (SciPy 1.17.1).
     #[test]
     fn probabilities_are_those_of_scipy() {
-        let wanted = [(-3.0, 0.0013498980316300933), (-0.5, 0.3085375387259869), (0.0, 0.5), (2.0, 0.9772498680518208)];
+        let wanted = [
+            (-3.0, 0.0013498980316300933),
+            (-0.5, 0.3085375387259869),
+            (0.0, 0.5),
+            (2.0, 0.9772498680518208),
+        ];
         for (x, wanted) in wanted {
             assert!((cdf(x) - wanted).abs() < 1e-11, "{x}");
         }

@@ -1,4 +1,5 @@
-//! Evaluation: whole episodes with the policy's mean action and a frozen normaliser, or with uniform actions.
+//! Evaluation: whole episodes with the policy's mean action and a frozen normaliser, or with
+//! uniform actions.
 
 use nalgebra::DMatrix;
 use rand::RngExt as _;
@@ -30,8 +31,8 @@ pub struct Evaluation {
     pub last: bool,
 }
 
-/// The episodes of `evaluation`, whose initial states depend on its seed and index alone, so that all runs of a seed are
-/// evaluated on the same ones. `alive` is called after each step.
+/// The episodes of `evaluation`, whose initial states depend on its seed and index alone, so that
+/// all runs of a seed are evaluated on the same ones. `alive` is called after each step.
 ///
 /// # Errors
 ///
@@ -42,8 +43,16 @@ pub fn evaluation(
     evaluation: Evaluation,
     alive: &mut dyn FnMut(),
 ) -> Result<Vec<EvaluationEpisode>, EnvError> {
-    let Evaluation { seed, index, env_steps, count, last } = evaluation;
-    let starts = (0..count as u32).map(|episode| seed.stream(Stream::Evaluation, index << 16 | episode)).collect();
+    let Evaluation {
+        seed,
+        index,
+        env_steps,
+        count,
+        last,
+    } = evaluation;
+    let starts = (0..count as u32)
+        .map(|episode| seed.stream(Stream::Evaluation, index << 16 | episode))
+        .collect();
     let row = |(episode, played): (u64, Episode)| EvaluationEpisode {
         env_steps,
         last,
@@ -52,20 +61,24 @@ pub fn evaluation(
         training_return: played.training_return,
         length: played.length,
     };
-    Ok((0..).zip(episodes(actor, tasks, starts, alive)?).map(row).collect())
+    Ok((0..)
+        .zip(episodes(actor, tasks, starts, alive)?)
+        .map(row)
+        .collect())
 }
 
 /// Who acts.
 pub enum Actor<'a> {
     /// The policy's mean action, with a frozen normaliser.
     MeanAction(&'a Agent),
-    /// Each number of the action uniform within the environment's bounds, from this generator's numbers.
+    /// Each number of the action uniform within the environment's bounds, from this generator's
+    /// numbers.
     Uniform(&'a mut Rng),
 }
 
-/// Plays one episode for each of `starts`, the generators of their initial states, as many together as there are `tasks`.
-/// The episodes come in the order of `starts`; those of a policy do not depend on how many tasks there are. `alive` is
-/// called after each step.
+/// Plays one episode for each of `starts`, the generators of their initial states, as many together
+/// as there are `tasks`. The episodes come in the order of `starts`; those of a policy do not
+/// depend on how many tasks there are. `alive` is called after each step.
 ///
 /// # Errors
 ///
@@ -93,12 +106,18 @@ pub fn episodes(
     let mut action = vec![0.0; spaces.action_dim];
     while playing.iter().any(Option::is_some) {
         alive();
-        let active: Vec<usize> = (0..tasks.len()).filter(|&index| playing[index].is_some()).collect();
+        let active: Vec<usize> = (0..tasks.len())
+            .filter(|&index| playing[index].is_some())
+            .collect();
         if let Actor::MeanAction(agent) = actor {
             if inputs.ncols() != active.len() {
                 inputs = DMatrix::zeros(spaces.observation_dim, active.len());
             }
-            for (&index, input) in active.iter().zip(inputs.as_mut_slice().chunks_exact_mut(spaces.observation_dim)) {
+            for (&index, input) in active.iter().zip(
+                inputs
+                    .as_mut_slice()
+                    .chunks_exact_mut(spaces.observation_dim),
+            ) {
                 agent.normalizer.normalize(&observations[index], input);
             }
             agent.policy.forward(&inputs, &mut pass);
@@ -106,15 +125,22 @@ pub fn episodes(
         for (column, &index) in active.iter().enumerate() {
             match actor {
                 Actor::MeanAction(_) => {
-                    action.iter_mut().zip(pass.output().column(column).iter()).for_each(|(a, &m)| *a = f64::from(m));
+                    action
+                        .iter_mut()
+                        .zip(pass.output().column(column).iter())
+                        .for_each(|(a, &m)| *a = f64::from(m));
                 }
                 Actor::Uniform(rng) => {
                     let bound = spaces.action_bound;
-                    action.iter_mut().for_each(|a| *a = rng.random_range(-bound..=bound));
+                    action
+                        .iter_mut()
+                        .for_each(|a| *a = rng.random_range(-bound..=bound));
                 }
             }
             let transition = tasks[index].step(&action, &mut observations[index])?;
-            let Some(episode) = playing[index] else { continue };
+            let Some(episode) = playing[index] else {
+                continue;
+            };
             let result = &mut results[episode];
             result.dense_return += transition.dense_reward;
             result.training_return += transition.reward;
@@ -130,7 +156,8 @@ pub fn episodes(
     Ok(results)
 }
 
-/// Records one episode of `agent`'s mean action from an initial state drawn from `start`, step by step.
+/// Records one episode of `agent`'s mean action from an initial state drawn from `start`, step by
+/// step.
 ///
 /// # Errors
 ///
@@ -141,11 +168,14 @@ pub fn record(agent: &Agent, task: &mut Task, mut start: Rng) -> Result<Demonstr
     task.reset(&mut start, &mut observation);
     let mut pass = Pass::default();
     let mut input = DMatrix::<f32>::zeros(spaces.observation_dim, 1);
-    let (mut observations, mut actions, mut poses, mut rewards) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let (mut observations, mut actions, mut poses, mut rewards) =
+        (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let end = loop {
         poses.push(task.pose());
         observations.extend_from_slice(&observation);
-        agent.normalizer.normalize(&observation, input.as_mut_slice());
+        agent
+            .normalizer
+            .normalize(&observation, input.as_mut_slice());
         agent.policy.forward(&input, &mut pass);
         let action: Vec<f64> = pass.output().iter().map(|&mean| f64::from(mean)).collect();
         let transition = task.step(&action, &mut observation)?;

@@ -1,7 +1,7 @@
 //! Training: one run, from its specification to its last evaluation.
 //!
-//! Owns the loops, the rollout and the evaluation. Knows no algorithm by name, and nothing of files or processes: what
-//! happens is told to a [`RunSink`]. Start at [`run`].
+//! Owns the loops, the rollout and the evaluation. Knows no algorithm by name, and nothing of files
+//! or processes: what happens is told to a [`RunSink`]. Start at [`run`].
 
 pub mod build;
 pub mod evaluate;
@@ -27,9 +27,11 @@ pub enum Flow {
     Stop,
 }
 
-/// Gives the agent that a pre-training leads to: by that training, or from where such agents are kept under the training's
+/// Gives the agent that a pre-training leads to: by that training, or from where such agents are
+/// kept under the training's
 /// [key](Pretraining::key). Calls what it is given beside it now and then, as a sign of life.
-pub type Clones<'a> = dyn FnMut(&Pretraining<'_>, &mut dyn FnMut()) -> Result<Agent, TrainError> + 'a;
+pub type Clones<'a> =
+    dyn FnMut(&Pretraining<'_>, &mut dyn FnMut()) -> Result<Agent, TrainError> + 'a;
 
 /// Where training tells what happens.
 pub trait RunSink {
@@ -38,7 +40,11 @@ pub trait RunSink {
     /// # Errors
     ///
     /// The sink could not keep it; the run ends.
-    fn iteration(&mut self, row: &Iteration, checkpoint: &dyn Fn() -> Vec<u8>) -> Result<Flow, SinkError>;
+    fn iteration(
+        &mut self,
+        row: &Iteration,
+        checkpoint: &dyn Fn() -> Vec<u8>,
+    ) -> Result<Flow, SinkError>;
 
     /// An evaluation ended.
     ///
@@ -47,14 +53,16 @@ pub trait RunSink {
     /// As for [`iteration`](Self::iteration).
     fn evaluation(&mut self, episodes: &[EvaluationEpisode]) -> Result<(), SinkError>;
 
-    /// The policy after `env_steps`, to be kept: at the intervals of `checkpoint.keep_policy_every`, and at the end.
+    /// The policy after `env_steps`, to be kept: at the intervals of
+    /// `checkpoint.keep_policy_every`, and at the end.
     ///
     /// # Errors
     ///
     /// As for [`iteration`](Self::iteration).
     fn policy(&mut self, env_steps: u64, last: bool, agent: &Agent) -> Result<(), SinkError>;
 
-    /// A part of something long was done that is none of the above: called often, for those who look out for a standstill.
+    /// A part of something long was done that is none of the above: called often, for those who
+    /// look out for a standstill.
     fn alive(&mut self) {}
 }
 
@@ -73,7 +81,9 @@ pub enum TrainError {
     #[error(transparent)]
     Demo(#[from] DemoError),
     /// An algorithm that needs a demonstration was given none.
-    #[error("this algorithm needs a demonstration; name its file with `environments.<env>.demonstrations`")]
+    #[error(
+        "this algorithm needs a demonstration; name its file with `environments.<env>.demonstrations`"
+    )]
     NoDemonstration,
     /// The update.
     #[error("iteration {iteration}: {source}")]
@@ -105,7 +115,11 @@ pub enum Ending {
 /// # Errors
 ///
 /// The demonstration or a checkpoint cannot be used, training diverged, or the sink failed.
-pub fn run(spec: &RunSpec, checkpoint: Option<&[u8]>, sink: &mut dyn RunSink) -> Result<Ending, TrainError> {
+pub fn run(
+    spec: &RunSpec,
+    checkpoint: Option<&[u8]>,
+    sink: &mut dyn RunSink,
+) -> Result<Ending, TrainError> {
     run_with(spec, &mut build::cloned, checkpoint, sink)
 }
 
@@ -124,7 +138,9 @@ pub fn run_with(
         Learner::OnPolicy(algorithm) => on_policy::run(spec, algorithm, checkpoint, sink),
         Learner::Offline(agent, learned) => {
             // A run that was stopped here has this row already.
-            if checkpoint.is_none() && sink.iteration(&Iteration::before_any(*learned), &Vec::new)? == Flow::Stop {
+            if checkpoint.is_none()
+                && sink.iteration(&Iteration::before_any(*learned), &Vec::new)? == Flow::Stop
+            {
                 return Ok(Ending::Stopped);
             }
             offline::run(spec, Some(&agent), sink)

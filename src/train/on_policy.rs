@@ -32,7 +32,8 @@ struct Progress {
     env_steps: u64,
     /// How many there were under way.
     evaluations: u32,
-    /// Whether the policy is evaluated before training goes on; it does not where the budget ends here.
+    /// Whether the policy is evaluated before training goes on; it does not where the budget ends
+    /// here.
     evaluation_due: bool,
     updates: Rng,
 }
@@ -44,8 +45,8 @@ struct Saved {
     rollout: RolloutState,
 }
 
-/// Trains `algorithm` on `spec` from its start or from `checkpoint`, which may be the last of a run with a smaller budget: no
-/// step before the budget's end depends on it.
+/// Trains `algorithm` on `spec` from its start or from `checkpoint`, which may be the last of a run
+/// with a smaller budget: no step before the budget's end depends on it.
 ///
 /// # Errors
 ///
@@ -66,7 +67,11 @@ pub fn run(
         }
     }
     training.evaluate(sink, true)?;
-    sink.policy(training.progress.env_steps, true, training.algorithm.agent())?;
+    sink.policy(
+        training.progress.env_steps,
+        true,
+        training.algorithm.agent(),
+    )?;
     Ok(Ending::Finished)
 }
 
@@ -96,7 +101,10 @@ impl<'a> Training<'a> {
         let spec = self.spec;
         let environments = spec.rollout.environments.size();
         let began = Instant::now();
-        let collected = self.rollout.collect(self.algorithm.agent_mut(), spec.rollout.steps.size() / environments)?;
+        let collected = self.rollout.collect(
+            self.algorithm.agent_mut(),
+            spec.rollout.steps.size() / environments,
+        )?;
         let rollout_seconds = began.elapsed().as_secs_f64();
         sink.alive();
 
@@ -114,7 +122,11 @@ impl<'a> Training<'a> {
         let after = self.progress.env_steps;
         let due = |every: u64| before / every < after / every;
         self.progress.evaluation_due = due(spec.evaluation.every.get());
-        if spec.checkpoint.keep_policy_every.is_some_and(|every| due(every.get())) {
+        if spec
+            .checkpoint
+            .keep_policy_every
+            .is_some_and(|every| due(every.get()))
+        {
             sink.policy(after, false, self.algorithm.agent())?;
         }
         let mean = |of: fn(&Episode) -> f64| {
@@ -146,20 +158,33 @@ impl<'a> Training<'a> {
         };
         let actor = &mut Actor::MeanAction(self.algorithm.agent());
         let (seed, env_steps) = (self.spec.seed, self.progress.env_steps);
-        let due = Evaluation { seed, index, env_steps, count: count.get(), last };
-        let episodes = evaluate::evaluation(actor, &mut self.evaluation_tasks, due, &mut || sink.alive())?;
+        let due = Evaluation {
+            seed,
+            index,
+            env_steps,
+            count: count.get(),
+            last,
+        };
+        let episodes =
+            evaluate::evaluation(actor, &mut self.evaluation_tasks, due, &mut || sink.alive())?;
         Ok(sink.evaluation(&episodes)?)
     }
 
     fn save(&self) -> Vec<u8> {
-        let saved =
-            Saved { progress: self.progress.clone(), algorithm: self.algorithm.save(), rollout: self.rollout.save() };
+        let saved = Saved {
+            progress: self.progress.clone(),
+            algorithm: self.algorithm.save(),
+            rollout: self.rollout.save(),
+        };
         postcard::to_stdvec(&saved).expect("numbers and vectors always serialise")
     }
 
     fn restore(&mut self, bytes: &[u8]) -> Result<(), TrainError> {
-        let saved: Saved = postcard::from_bytes(bytes).map_err(|error| TrainError::Checkpoint(error.to_string()))?;
-        self.algorithm.restore(&saved.algorithm).map_err(|error| TrainError::Checkpoint(error.to_string()))?;
+        let saved: Saved = postcard::from_bytes(bytes)
+            .map_err(|error| TrainError::Checkpoint(error.to_string()))?;
+        self.algorithm
+            .restore(&saved.algorithm)
+            .map_err(|error| TrainError::Checkpoint(error.to_string()))?;
         self.rollout.restore(saved.rollout)?;
         self.progress = saved.progress;
         Ok(())

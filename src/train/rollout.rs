@@ -49,9 +49,18 @@ struct Own {
 impl Lane {
     /// Takes a step under `action`, and starts the next episode where one ended.
     fn step(&mut self) {
-        let Self { task, own, action, stepped, last_observation } = self;
+        let Self {
+            task,
+            own,
+            action,
+            stepped,
+            last_observation,
+        } = self;
         let transition = task.step(action, &mut own.observation);
-        if transition.as_ref().is_ok_and(|transition| transition.end.is_some()) {
+        if transition
+            .as_ref()
+            .is_ok_and(|transition| transition.end.is_some())
+        {
             last_observation.copy_from_slice(&own.observation);
             task.reset(&mut own.resets, &mut own.observation);
         }
@@ -90,29 +99,48 @@ impl Rollout {
             task.reset(&mut resets, &mut observation);
             let noise = seed.stream(Stream::Action, index);
             let last_observation = observation.clone();
-            let own = Own { resets, noise, observation, episode: Episode::default() };
-            Lane { task, own, action: vec![0.0; spaces.action_dim], stepped: None, last_observation }
+            let own = Own {
+                resets,
+                noise,
+                observation,
+                episode: Episode::default(),
+            };
+            Lane {
+                task,
+                own,
+                action: vec![0.0; spaces.action_dim],
+                stepped: None,
+                last_observation,
+            }
         };
         let threads = threads::count().min(tasks.len());
         let mut lanes = (0u32..).zip(tasks).map(lane).collect::<Vec<_>>();
         // The first group is this thread's.
-        let groups = (1..=threads).rev().map(|left| lanes.split_off(lanes.len() - lanes.len() / left));
+        let groups = (1..=threads)
+            .rev()
+            .map(|left| lanes.split_off(lanes.len() - lanes.len() / left));
         let mut groups: Vec<_> = groups.collect();
         groups.reverse();
-        Self { groups, pass: Pass::default() }
+        Self {
+            groups,
+            pass: Pass::default(),
+        }
     }
 
-    /// Steps every environment `steps` times under `agent`'s policy, whose normaliser sees each observation before the
-    /// policy does.
+    /// Steps every environment `steps` times under `agent`'s policy, whose normaliser sees each
+    /// observation before the policy does.
     ///
     /// # Errors
     ///
     /// The physics failed.
     pub fn collect(&mut self, agent: &mut Agent, steps: usize) -> Result<Collected, EnvError> {
-        let [own, others @ ..] = self.groups.as_mut_slice() else { unreachable!("a run has an environment") };
+        let [own, others @ ..] = self.groups.as_mut_slice() else {
+            unreachable!("a run has an environment")
+        };
         let pass = &mut self.pass;
         thread::scope(|scope| {
-            // A group goes to its thread to be stepped, and comes back: nobody waits for a lock, and no lane is shared.
+            // A group goes to its thread to be stepped, and comes back: nobody waits for a lock,
+            // and no lane is shared.
             let workers: Vec<_> = others
                 .iter()
                 .map(|_| {
@@ -137,15 +165,17 @@ impl Rollout {
                 }
                 own.iter_mut().for_each(Lane::step);
                 for ((_, from_worker), group) in workers.iter().zip(others) {
-                    *group = from_worker.recv().expect("a thread that steps environments lives as long as the rollout");
+                    *group = from_worker
+                        .recv()
+                        .expect("a thread that steps environments lives as long as the rollout");
                 }
             };
             collect(agent, own, others, pass, steps, step)
         })
     }
 
-    /// Takes the steps of `batch` again, from the state in which its rollout began, with the physics alone: what
-    /// `mcpo-run bench` holds a rollout against. Episodes begin as they did.
+    /// Takes the steps of `batch` again, from the state in which its rollout began, with the
+    /// physics alone: what `mcpo-run bench` holds a rollout against. Episodes begin as they did.
     ///
     /// # Errors
     ///
@@ -158,7 +188,10 @@ impl Rollout {
             let index = range.start / steps;
             let Lane { task, own, .. } = &mut *lanes[index];
             for column in batch.actions.columns_range(range.clone()).column_iter() {
-                action.iter_mut().zip(column.iter()).for_each(|(a, &sampled)| *a = f64::from(sampled));
+                action
+                    .iter_mut()
+                    .zip(column.iter())
+                    .for_each(|(a, &sampled)| *a = f64::from(sampled));
                 task.advance(&action)?;
             }
             if range.end < (index + 1) * steps {
@@ -209,22 +242,35 @@ fn collect(
     let mut physics = Duration::ZERO;
 
     for t in 0..steps {
-        // All lanes' observations enter the normaliser before it is used for any of them: none is seen in other units.
+        // All lanes' observations enter the normaliser before it is used for any of them: none is
+        // seen in other units.
         for lane in own.iter().chain(others.iter().flatten()) {
             agent.normalizer.update(&lane.own.observation);
         }
         let lanes = own.iter().chain(others.iter().flatten());
-        for (lane, input) in lanes.zip(inputs.as_mut_slice().chunks_exact_mut(spaces.observation_dim)) {
+        for (lane, input) in lanes.zip(
+            inputs
+                .as_mut_slice()
+                .chunks_exact_mut(spaces.observation_dim),
+        ) {
             agent.normalizer.normalize(&lane.own.observation, input);
         }
         agent.policy.forward(&inputs, pass);
-        for (index, lane) in own.iter_mut().chain(others.iter_mut().flatten()).enumerate() {
+        for (index, lane) in own
+            .iter_mut()
+            .chain(others.iter_mut().flatten())
+            .enumerate()
+        {
             filling.act(index, t, lane, &inputs, pass, &std);
         }
         let began = Instant::now();
         step(own, others);
         physics += began.elapsed();
-        for (index, lane) in own.iter_mut().chain(others.iter_mut().flatten()).enumerate() {
+        for (index, lane) in own
+            .iter_mut()
+            .chain(others.iter_mut().flatten())
+            .enumerate()
+        {
             filling.take(index, t, lane, agent)?;
         }
     }
@@ -249,7 +295,15 @@ struct Filling {
 }
 
 impl Filling {
-    fn new(Spaces { observation_dim, action_dim, .. }: Spaces, lanes: usize, steps: usize) -> Self {
+    fn new(
+        Spaces {
+            observation_dim,
+            action_dim,
+            ..
+        }: Spaces,
+        lanes: usize,
+        steps: usize,
+    ) -> Self {
         let samples = steps * lanes;
         let batch = Batch {
             observations: DMatrix::zeros(observation_dim, samples),
@@ -268,14 +322,34 @@ impl Filling {
         }
     }
 
-    /// Draws the action of the lane number `index` in its step `t`. The lanes' inputs are the columns of `inputs`, the
-    /// policy's means for them those of the output in `pass`.
-    fn act(&mut self, index: usize, t: usize, lane: &mut Lane, inputs: &DMatrix<f32>, pass: &Pass, std: &[f32]) {
-        let Batch { observations, raw_observations, means, actions, .. } = &mut self.batch;
+    /// Draws the action of the lane number `index` in its step `t`. The lanes' inputs are the
+    /// columns of `inputs`, the policy's means for them those of the output in `pass`.
+    fn act(
+        &mut self,
+        index: usize,
+        t: usize,
+        lane: &mut Lane,
+        inputs: &DMatrix<f32>,
+        pass: &Pass,
+        std: &[f32],
+    ) {
+        let Batch {
+            observations,
+            raw_observations,
+            means,
+            actions,
+            ..
+        } = &mut self.batch;
         let sample = index * self.steps + t;
-        observations.column_mut(sample).copy_from(&inputs.column(index));
-        raw_observations.column_mut(sample).copy_from_slice(&lane.own.observation);
-        means.column_mut(sample).copy_from(&pass.output().column(index));
+        observations
+            .column_mut(sample)
+            .copy_from(&inputs.column(index));
+        raw_observations
+            .column_mut(sample)
+            .copy_from_slice(&lane.own.observation);
+        means
+            .column_mut(sample)
+            .copy_from(&pass.output().column(index));
         for (row, (std, action)) in std.iter().zip(&mut lane.action).enumerate() {
             let noise: f32 = StandardNormal.sample(&mut lane.own.noise);
             actions[(row, sample)] = means[(row, sample)] + std * noise;
@@ -284,7 +358,13 @@ impl Filling {
     }
 
     /// Takes down the transition of that step.
-    fn take(&mut self, index: usize, t: usize, lane: &mut Lane, agent: &Agent) -> Result<(), EnvError> {
+    fn take(
+        &mut self,
+        index: usize,
+        t: usize,
+        lane: &mut Lane,
+        agent: &Agent,
+    ) -> Result<(), EnvError> {
         let sample = index * self.steps + t;
         let transition = lane.stepped.take().expect("every lane has been stepped")?;
         let episode = &mut lane.own.episode;
@@ -297,7 +377,10 @@ impl Filling {
                 EpisodeEnd::Terminated => SegmentEnd::Terminated,
                 EpisodeEnd::Truncated => bootstrapped(agent, &lane.last_observation),
             };
-            self.segments[index].push(Segment { range: self.starts[index]..sample + 1, end });
+            self.segments[index].push(Segment {
+                range: self.starts[index]..sample + 1,
+                end,
+            });
             self.starts[index] = sample + 1;
             self.episodes[index].push(mem::take(episode));
         }
@@ -308,13 +391,23 @@ impl Filling {
     fn cut(&mut self, index: usize, lane: &Lane, agent: &Agent) {
         let range = self.starts[index]..(index + 1) * self.steps;
         if !range.is_empty() {
-            self.segments[index].push(Segment { range, end: bootstrapped(agent, &lane.own.observation) });
+            self.segments[index].push(Segment {
+                range,
+                end: bootstrapped(agent, &lane.own.observation),
+            });
         }
     }
 
     fn collected(self, physics: Duration) -> Collected {
-        let batch = Batch { segments: self.segments.concat(), ..self.batch };
-        Collected { batch, episodes: self.episodes.concat(), physics }
+        let batch = Batch {
+            segments: self.segments.concat(),
+            ..self.batch
+        };
+        Collected {
+            batch,
+            episodes: self.episodes.concat(),
+            physics,
+        }
     }
 }
 
@@ -327,7 +420,9 @@ pub struct RolloutState {
 
 fn bootstrapped(agent: &Agent, observation: &[f64]) -> SegmentEnd {
     let mut last_observation = vec![0.0; observation.len()];
-    agent.normalizer.normalize(observation, &mut last_observation);
+    agent
+        .normalizer
+        .normalize(observation, &mut last_observation);
     SegmentEnd::Bootstrapped { last_observation }
 }
 
@@ -357,7 +452,10 @@ mod tests {
     fn means_have_the_bits_of_a_pass_on_the_whole_batch() {
         let mut agent = agent();
         for lanes in [1, 3] {
-            let batch = rollout(lanes).collect(&mut agent, 50).expect("physics").batch;
+            let batch = rollout(lanes)
+                .collect(&mut agent, 50)
+                .expect("physics")
+                .batch;
             let mut pass = Pass::default();
             agent.policy.forward(&batch.observations, &mut pass);
             assert_eq!(batch.means, pass.output());
@@ -371,11 +469,21 @@ mod tests {
         first.collect(&mut agent, 37).expect("physics"); // so that episodes are under way
         second.restore(first.save()).expect("the same environments");
         let collected = first.collect(&mut agent, 100).expect("physics");
-        assert!(collected.episodes.len() >= 3, "an untrained hopper falls soon");
+        assert!(
+            collected.episodes.len() >= 3,
+            "an untrained hopper falls soon"
+        );
         second.replay(&collected.batch).expect("physics");
-        let lanes = first.groups.iter().flatten().zip(second.groups.iter().flatten());
+        let lanes = first
+            .groups
+            .iter()
+            .flatten()
+            .zip(second.groups.iter().flatten());
         for (index, (one, other)) in lanes.enumerate() {
-            assert!(one.own.episode.length > 0, "this seed's rollout ends within all three episodes");
+            assert!(
+                one.own.episode.length > 0,
+                "this seed's rollout ends within all three episodes"
+            );
             assert_eq!(one.task.pose(), other.task.pose(), "environment {index}");
         }
     }

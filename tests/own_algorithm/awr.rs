@@ -31,7 +31,11 @@ pub struct Hyperparameters {
 }
 
 /// Raise its revision when what this file computes changes.
-static PART: Part = Part { name: "awr", revision: 1, uses: &[&critic::PART, &gae::PART] };
+static PART: Part = Part {
+    name: "awr",
+    revision: 1,
+    uses: &[&critic::PART, &gae::PART],
+};
 
 /// AWR as an algorithm of the catalogue.
 pub static AWR: Definition<Hyperparameters> = Definition {
@@ -57,9 +61,22 @@ pub static AWR: Definition<Hyperparameters> = Definition {
     start: |hyperparameters, start| {
         let optimizer = Adam::new(start.agent.policy.dim());
         let critic = Critic::new(&start.agent.value);
-        Ok(Learner::on_policy(Awr { hyperparameters, state: State { agent: start.agent, optimizer, critic } }))
+        Ok(Learner::on_policy(Awr {
+            hyperparameters,
+            state: State {
+                agent: start.agent,
+                optimizer,
+                critic,
+            },
+        }))
     },
-    operations: |h, counter| vec![counter.values(), counter.policy_epochs(h.epochs), counter.value_epochs(h.epochs)],
+    operations: |h, counter| {
+        vec![
+            counter.values(),
+            counter.policy_epochs(h.epochs),
+            counter.value_epochs(h.epochs),
+        ]
+    },
 };
 
 struct Awr {
@@ -84,18 +101,41 @@ impl OnPolicy for Awr {
     }
 
     fn update(&mut self, batch: &Batch, rng: &mut Rng) -> Result<Update, AlgoError> {
-        let Self { hyperparameters: h, state: State { agent, optimizer, critic } } = self;
+        let Self {
+            hyperparameters: h,
+            state:
+                State {
+                    agent,
+                    optimizer,
+                    critic,
+                },
+        } = self;
         let mut pass = Pass::default();
         let (discount, lambda) = (h.discount.get(), h.gae_lambda.get());
-        let estimate = gae::estimate(batch, &batch.rewards, &agent.value, discount, lambda, &mut pass);
+        let estimate = gae::estimate(
+            batch,
+            &batch.rewards,
+            &agent.value,
+            discount,
+            lambda,
+            &mut pass,
+        );
 
         // The gradient of the weighted log-likelihood, upwards: hence the minus.
-        let weight = |advantage: &f64| -(advantage / h.temperature.get()).min(3.0).exp() / batch.len() as f64;
+        let weight = |advantage: &f64| {
+            -(advantage / h.temperature.get()).min(3.0).exp() / batch.len() as f64
+        };
         let weights: Vec<f64> = estimate.advantages.iter().map(weight).collect();
         let mut gradient = vec![0.0; agent.policy.dim()];
         for _ in 0..h.epochs.get() {
             agent.policy.forward(&batch.observations, &mut pass);
-            agent.policy.score(&batch.observations, &mut pass, &batch.actions, &weights, &mut gradient);
+            agent.policy.score(
+                &batch.observations,
+                &mut pass,
+                &batch.actions,
+                &weights,
+                &mut gradient,
+            );
             optimizer.step_parts(agent.policy.parts_mut(), &gradient, h.learning_rate.get());
         }
         let fit = critic::Fit {
@@ -104,8 +144,18 @@ impl OnPolicy for Awr {
             learning_rate: h.learning_rate.get(),
             l2_penalty: 0.0,
         };
-        let value_loss = critic.fit(&mut agent.value, &batch.observations, &estimate.returns, fit, rng)?;
-        Ok(Update { entropy: Some(agent.policy.entropy()), value_loss: Some(value_loss), ..Update::default() })
+        let value_loss = critic.fit(
+            &mut agent.value,
+            &batch.observations,
+            &estimate.returns,
+            fit,
+            rng,
+        )?;
+        Ok(Update {
+            entropy: Some(agent.policy.entropy()),
+            value_loss: Some(value_loss),
+            ..Update::default()
+        })
     }
 
     fn save(&self) -> Vec<u8> {

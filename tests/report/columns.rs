@@ -16,7 +16,10 @@ fn the_documented_columns_are_the_catalogues() {
     if found != expected {
         let made = std::env::temp_dir().join("columns.md");
         fs::write(&made, expected).expect("written");
-        panic!("{DOCUMENT} is not what the catalogue says: cp {} {DOCUMENT}", made.display());
+        panic!(
+            "{DOCUMENT} is not what the catalogue says: cp {} {DOCUMENT}",
+            made.display()
+        );
     }
 }
 
@@ -32,7 +35,10 @@ fn parsed(y: &str, on: &str) -> Result<(), SpecErrors> {
 
 #[test]
 fn every_column_of_numbers_can_be_drawn_and_claimed_by_each_of_its_names() {
-    for column in progress::COLUMNS.iter().filter(|column| column.holds_numbers()) {
+    for column in progress::COLUMNS
+        .iter()
+        .filter(|column| column.holds_numbers())
+    {
         for name in [column.name, column.called()] {
             parsed(name, name).unwrap_or_else(|errors| panic!("{name}: {errors}"));
         }
@@ -43,13 +49,26 @@ fn every_column_of_numbers_can_be_drawn_and_claimed_by_each_of_its_names() {
 #[test]
 fn words_are_refused_at_their_line_before_anything_is_trained() {
     for (y, on, line, told) in [
-        ("case", "mmd", 11, "`case` holds words; a figure draws numbers"),
-        ("mmd", "case", 17, "`case` holds words; a claim is about numbers"),
+        (
+            "case",
+            "mmd",
+            11,
+            "`case` holds words; a figure draws numbers",
+        ),
+        (
+            "mmd",
+            "case",
+            17,
+            "`case` holds words; a claim is about numbers",
+        ),
         ("mdd", "mmd", 11, "unknown y `mdd`"),
         ("mmd", "step", 17, "unknown column `step`"),
     ] {
         let errors = parsed(y, on).expect_err("no number");
-        let found: Vec<_> = errors.iter().map(|error| (error.line(), error.message.as_str())).collect();
+        let found: Vec<_> = errors
+            .iter()
+            .map(|error| (error.line(), error.message.as_str()))
+            .collect();
         assert_eq!(found, [(Some(line), told)]);
     }
 }

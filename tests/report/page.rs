@@ -52,9 +52,11 @@ fn a_reader_uses_the_page_in_a_browser_and_hostile_text_stays_text() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("hostile.toml");
     fs::write(&file, HOSTILE).expect("written");
-    let runs = plan(&spec::load(&file, &Overrides::default()).expect("a valid file")).expect("a plan");
+    let runs =
+        plan(&spec::load(&file, &Overrides::default()).expect("a valid file")).expect("a plan");
     for (index, run) in runs.iter().enumerate() {
-        let returns = [1, 2, 3, 4].map(|n| (2048 * n, n == 4, 100.0 * n as f64 + 7.0 * index as f64));
+        let returns =
+            [1, 2, 3, 4].map(|n| (2048 * n, n == 4, 100.0 * n as f64 + 7.0 * index as f64));
         let rows = match index {
             0 => Err("</pre><script>window.hostile = 1</script>"),
             _ => Ok((&returns[..], &[(2048, 0.5)][..])),
@@ -62,21 +64,38 @@ fn a_reader_uses_the_page_in_a_browser_and_hostile_text_stays_text() {
         write(run, &folder.path().join("results"), rows);
     }
     let mut report = Command::new(assert_cmd::cargo::cargo_bin("mcpo-run"));
-    let output = report.current_dir(folder.path()).args(["report", "hostile.toml"]).output().expect("it runs");
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let output = report
+        .current_dir(folder.path())
+        .args(["report", "hostile.toml"])
+        .output()
+        .expect("it runs");
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/report/browse.py");
     let page = folder.path().join("results/hostile/report/index.html");
     let told = match Command::new("python3").arg(script).arg(page).output() {
         Err(error) => format!("skipped: no python3 ({error})"),
-        Ok(output) if output.status.code() == Some(SKIPPED) => String::from_utf8_lossy(&output.stdout).into_owned(),
+        Ok(output) if output.status.code() == Some(SKIPPED) => {
+            String::from_utf8_lossy(&output.stdout).into_owned()
+        }
         Ok(output) => {
-            let (stdout, stderr) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+            let (stdout, stderr) = (
+                String::from_utf8_lossy(&output.stdout),
+                String::from_utf8_lossy(&output.stderr),
+            );
             assert!(output.status.success(), "{stdout}{stderr}");
             return;
         }
     };
     // Not by a macro, whose text a test that passes swallows.
-    drop(writeln!(io::stderr(), "the page was not tried in a browser: {}", told.trim()));
+    drop(writeln!(
+        io::stderr(),
+        "the page was not tried in a browser: {}",
+        told.trim()
+    ));
 }
 
 /// A campaign of 2,000 runs, of 100 evaluations and 240 iterations each.
@@ -151,9 +170,20 @@ fn a_campaign_of_2000_runs_is_reported_in_10_seconds_on_a_page_of_5_megabytes() 
     let folder = campaign();
     let binary = assert_cmd::cargo::cargo_bin("mcpo-run");
     let mut within_10_seconds_of_cpu = Command::new("sh");
-    within_10_seconds_of_cpu.args(["-c", "ulimit -t 10; exec \"$0\" report campaign.toml"]).arg(binary);
-    let output = within_10_seconds_of_cpu.current_dir(&folder).output().expect("it runs");
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let page = fs::metadata(folder.join("results/campaign/report/index.html")).expect("there").len();
+    within_10_seconds_of_cpu
+        .args(["-c", "ulimit -t 10; exec \"$0\" report campaign.toml"])
+        .arg(binary);
+    let output = within_10_seconds_of_cpu
+        .current_dir(&folder)
+        .output()
+        .expect("it runs");
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    let page = fs::metadata(folder.join("results/campaign/report/index.html"))
+        .expect("there")
+        .len();
     assert!(page < 5_000_000, "{page} bytes");
 }

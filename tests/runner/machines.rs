@@ -11,15 +11,31 @@ fn the_shards_of_a_plan_are_the_plan() {
     let mut done: BTreeSet<&str> = BTreeSet::new();
     for number in 1..=3 {
         let shard = format!("{number}/3");
-        bench.expect(0, &["run", "tiny.toml", "--results", "shared", "--shard", &shard]);
-        let finished = ALL.into_iter().filter(|id| bench.run("shared", id).complete.exists()).collect();
-        assert!(done.is_subset(&finished) && done.len() < finished.len(), "{shard} did nothing");
+        bench.expect(
+            0,
+            &["run", "tiny.toml", "--results", "shared", "--shard", &shard],
+        );
+        let finished = ALL
+            .into_iter()
+            .filter(|id| bench.run("shared", id).complete.exists())
+            .collect();
+        assert!(
+            done.is_subset(&finished) && done.len() < finished.len(),
+            "{shard} did nothing"
+        );
         done = finished;
-        assert!(!bench.path("shared/tiny/report").exists(), "a part has no report");
+        assert!(
+            !bench.path("shared/tiny/report").exists(),
+            "a part has no report"
+        );
     }
     assert_eq!(done.len(), ALL.len());
     for id in ALL {
-        assert_eq!(bench.recorded("shared", id), bench.recorded("whole", id), "{id}");
+        assert_eq!(
+            bench.recorded("shared", id),
+            bench.recorded("whole", id),
+            "{id}"
+        );
     }
     bench.expect(0, &["report", "tiny.toml", "--results", "shared"]);
 }
@@ -38,7 +54,12 @@ fn a_shard_that_is_none_is_refused_and_one_that_is_empty_is_done() {
 #[test]
 fn a_run_whose_time_is_up_leaves_a_checkpoint_and_the_same_command_goes_on() {
     let bench = Workbench::new(150_000);
-    let one = ["tiny.toml", "--only", "env=InvertedPendulum-v2,seed=0", "--results"];
+    let one = [
+        "tiny.toml",
+        "--only",
+        "env=InvertedPendulum-v2,seed=0",
+        "--results",
+    ];
     bench.expect(0, &[&one[..], &["whole"]].concat());
     let limited = [&one[..], &["limited", "--max-time", "1s"]].concat();
     let mut calls = 0;
@@ -48,11 +69,19 @@ fn a_run_whose_time_is_up_leaves_a_checkpoint_and_the_same_command_goes_on() {
         if output.status.success() {
             break;
         }
-        assert_eq!(output.status.code(), Some(130), "{}", String::from_utf8_lossy(&output.stderr));
+        assert_eq!(
+            output.status.code(),
+            Some(130),
+            "{}",
+            String::from_utf8_lossy(&output.stderr)
+        );
         assert!(String::from_utf8_lossy(&output.stderr).contains("resumes from here"));
         assert!(calls < 200, "it never comes to its end");
     }
     assert!(calls > 1, "it was over before its time was up");
-    assert_eq!(bench.recorded("limited", PENDULUM), bench.recorded("whole", PENDULUM));
+    assert_eq!(
+        bench.recorded("limited", PENDULUM),
+        bench.recorded("whole", PENDULUM)
+    );
     bench.expect(2, &[&one[..], &["limited", "--max-time", "soon"]].concat());
 }

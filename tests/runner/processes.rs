@@ -12,7 +12,10 @@ const PATIENCE: Duration = Duration::from_secs(300);
 /// Sends `signal` to a process; gives whether it was there.
 pub fn signal(signal: &str, process: u32) -> bool {
     let mut kill = Command::new("kill");
-    kill.args([&format!("-{signal}"), &process.to_string()]).stderr(Stdio::null()).status().is_ok_and(|s| s.success())
+    kill.args([&format!("-{signal}"), &process.to_string()])
+        .stderr(Stdio::null())
+        .status()
+        .is_ok_and(|s| s.success())
 }
 
 /// The first answer of `ask`.

@@ -64,19 +64,24 @@ impl Workbench {
 
     /// Runs the program to its end.
     pub fn call(&self, arguments: &[&str]) -> Output {
-        self.program(arguments).output().expect("the program starts")
+        self.program(arguments)
+            .output()
+            .expect("the program starts")
     }
 
-    /// Runs the program to its end, which must be `code`; gives what it wrote to stdout and to stderr.
+    /// Runs the program to its end, which must be `code`; gives what it wrote to stdout and to
+    /// stderr.
     pub fn expect(&self, code: i32, arguments: &[&str]) -> (String, String) {
         texts(&self.call(arguments), code, arguments)
     }
 
-    /// Starts the program, to be disturbed, and not to ignore what the tests themselves were started to ignore: a shell's
-    /// background job ignores Ctrl-C.
+    /// Starts the program, to be disturbed, and not to ignore what the tests themselves were
+    /// started to ignore: a shell's background job ignores Ctrl-C.
     pub fn start(&self, arguments: &[&str]) -> Child {
         let mut program = Command::new("env");
-        program.args(["--default-signal", env!("CARGO_BIN_EXE_mcpo-run")]).args(arguments);
+        program
+            .args(["--default-signal", env!("CARGO_BIN_EXE_mcpo-run")])
+            .args(arguments);
         program
             .current_dir(self.folder.path())
             .stdout(Stdio::piped())
@@ -92,7 +97,10 @@ impl Workbench {
 
     /// The manifest of a run that has ended.
     pub fn manifest(&self, results: &str, id: &str) -> Manifest {
-        self.run(results, id).ended().expect("readable").expect("the run has ended")
+        self.run(results, id)
+            .ended()
+            .expect("readable")
+            .expect("the run has ended")
     }
 
     /// What a finished run recorded.
@@ -102,15 +110,27 @@ impl Workbench {
         for row in &mut iterations {
             (row.physics_seconds, row.rollout_seconds, row.update_seconds) = (0.0, 0.0, 0.0);
         }
-        let evaluations = rows::read_evaluations(&RunPaths::evaluations(&folder)).expect("readable");
+        let evaluations =
+            rows::read_evaluations(&RunPaths::evaluations(&folder)).expect("readable");
         let (agent, _) = policy::read(&RunPaths::policy(&folder)).expect("readable");
-        Recorded { iterations, evaluations, agent }
+        Recorded {
+            iterations,
+            evaluations,
+            agent,
+        }
     }
 
     /// The process that works on a run, once it has begun.
     pub fn worker(&self, results: &str, id: &str) -> u32 {
         let path = RunPaths::manifest(&self.run(results, id).partial);
-        let begun = || Manifest::read(&path).ok()??.attempts.last().filter(|last| last.ended.is_none()).cloned();
+        let begun = || {
+            Manifest::read(&path)
+                .ok()??
+                .attempts
+                .last()
+                .filter(|last| last.ended.is_none())
+                .cloned()
+        };
         wait_for("a worker", || begun().map(|attempt| attempt.process))
     }
 
@@ -125,7 +145,11 @@ impl Workbench {
 pub fn texts(output: &Output, code: i32, what: &[&str]) -> (String, String) {
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     let (stdout, stderr) = (text(&output.stdout), text(&output.stderr));
-    assert_eq!(output.status.code(), Some(code), "{what:?}\n{stdout}\n{stderr}");
+    assert_eq!(
+        output.status.code(),
+        Some(code),
+        "{what:?}\n{stdout}\n{stderr}"
+    );
     (stdout, stderr)
 }
 
@@ -146,4 +170,9 @@ pub fn snapshot(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
 
 pub const PENDULUM: &str = "InvertedPendulum-v2/ppo/seed-0";
 pub const CAR: &str = "MountainCarContinuous-v0/ppo/seed-1";
-pub const ALL: [&str; 4] = [PENDULUM, "InvertedPendulum-v2/ppo/seed-1", "MountainCarContinuous-v0/ppo/seed-0", CAR];
+pub const ALL: [&str; 4] = [
+    PENDULUM,
+    "InvertedPendulum-v2/ppo/seed-1",
+    "MountainCarContinuous-v0/ppo/seed-0",
+    CAR,
+];

@@ -30,8 +30,21 @@ fn parse(text: &str) -> Result<ExperimentSpec, SpecErrors> {
 
 /// The plan of [`LEAST`] with `more` behind it, under `--set` and `--axis`.
 fn runs(more: &str, set: &[&str], axis: &[&str]) -> Vec<RunSpec> {
-    let owned = |arguments: &[&str]| arguments.iter().map(|argument| (*argument).to_owned()).collect();
-    let overrides = Overrides { set: owned(set), axis: owned(axis) };
-    let spec = spec::parse(Path::new("test.toml"), &format!("{LEAST}{more}"), &overrides).expect("a valid experiment");
+    let owned = |arguments: &[&str]| {
+        arguments
+            .iter()
+            .map(|argument| (*argument).to_owned())
+            .collect()
+    };
+    let overrides = Overrides {
+        set: owned(set),
+        axis: owned(axis),
+    };
+    let spec = spec::parse(
+        Path::new("test.toml"),
+        &format!("{LEAST}{more}"),
+        &overrides,
+    )
+    .expect("a valid experiment");
     plan(&spec).expect("a valid experiment has a plan")
 }

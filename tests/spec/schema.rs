@@ -9,27 +9,52 @@ use serde_json::Value;
 
 use super::{LEAST, parse};
 
-/// The names that serde itself knows for the table `path` of `specimen`, from its complaint about a name that it cannot
-/// know.
-fn fields<T: serde::Serialize + serde::de::DeserializeOwned>(specimen: &T, path: &[&str]) -> Vec<String> {
+/// The names that serde itself knows for the table `path` of `specimen`, from its complaint about a
+/// name that it cannot know.
+fn fields<T: serde::Serialize + serde::de::DeserializeOwned>(
+    specimen: &T,
+    path: &[&str],
+) -> Vec<String> {
     let mut whole = toml::Table::try_from(specimen).expect("a specimen is TOML");
     let mut table = &mut whole;
     for key in path {
-        table = table.get_mut(*key).and_then(toml::Value::as_table_mut).expect("a table on the way");
+        table = table
+            .get_mut(*key)
+            .and_then(toml::Value::as_table_mut)
+            .expect("a table on the way");
     }
     table.insert("no such name".into(), toml::Value::Boolean(true));
-    let error = whole.try_into::<T>().err().expect("unknown names are refused").message().to_owned();
-    let mut names: Vec<String> = error.split('`').skip(3).step_by(2).map(str::to_owned).collect();
+    let error = whole
+        .try_into::<T>()
+        .err()
+        .expect("unknown names are refused")
+        .message()
+        .to_owned();
+    let mut names: Vec<String> = error
+        .split('`')
+        .skip(3)
+        .step_by(2)
+        .map(str::to_owned)
+        .collect();
     names.sort();
     names
 }
 
 /// The keys that the schema knows at `pointer`.
 fn keys(schema: &Value, pointer: &str) -> Vec<String> {
-    let table = schema.pointer(pointer).unwrap_or_else(|| panic!("no {pointer} in the schema"));
-    assert_eq!(table["additionalProperties"], false, "{pointer} lets unknown keys pass");
-    let mut keys: Vec<String> =
-        table["properties"].as_object().into_iter().flatten().map(|(key, _)| key.clone()).collect();
+    let table = schema
+        .pointer(pointer)
+        .unwrap_or_else(|| panic!("no {pointer} in the schema"));
+    assert_eq!(
+        table["additionalProperties"], false,
+        "{pointer} lets unknown keys pass"
+    );
+    let mut keys: Vec<String> = table["properties"]
+        .as_object()
+        .into_iter()
+        .flatten()
+        .map(|(key, _)| key.clone())
+        .collect();
     keys.sort();
     keys
 }
@@ -39,7 +64,11 @@ fn the_schema_knows_the_settings_that_serde_knows() {
     let schema = spec::schema();
     let settings = Settings::defaults(EnvId::Ant, "ppo", constant(1));
     for table in ["budget", "rollout", "evaluation", "network", "checkpoint"] {
-        assert_eq!(keys(&schema, &format!("/properties/{table}")), fields(&settings, &[table]), "{table}");
+        assert_eq!(
+            keys(&schema, &format!("/properties/{table}")),
+            fields(&settings, &[table]),
+            "{table}"
+        );
     }
     let root = keys(&schema, "");
     for key in fields(&settings, &[]) {
@@ -47,14 +76,20 @@ fn the_schema_knows_the_settings_that_serde_knows() {
     }
 }
 
-/// Those of `keys` that serde knows among the hyperparameters of `algorithm`, whatever it says of a value that fits none of
-/// them. Where structs share fields, it does not list the names it knows.
-fn known_to_serde<'a>(algorithm: &Algorithm, keys: impl Iterator<Item = &'a String>) -> Vec<&'a String> {
+/// Those of `keys` that serde knows among the hyperparameters of `algorithm`, whatever it says of a
+/// value that fits none of them. Where structs share fields, it does not list the names it knows.
+fn known_to_serde<'a>(
+    algorithm: &Algorithm,
+    keys: impl Iterator<Item = &'a String>,
+) -> Vec<&'a String> {
     let is_known = |key: &&String| {
         let mut table = algorithm.hyperparameters();
         table.insert((*key).clone(), toml::Value::Array(Vec::new()));
         let read = Algorithm::from_hyperparameters(algorithm.name(), table);
-        !read.expect_err("no value is an empty list").message().contains("unknown field")
+        !read
+            .expect_err("no value is an empty list")
+            .message()
+            .contains("unknown field")
     };
     keys.filter(is_known).collect()
 }
@@ -64,7 +99,10 @@ fn the_schema_knows_the_hyperparameters_that_serde_knows() {
     let schema = spec::schema();
     for name in Algorithm::names() {
         let algorithm = Algorithm::defaults(name, EnvId::Ant).expect("a registered name");
-        let in_schema = keys(&schema, &format!("/properties/algorithms/properties/{name}"));
+        let in_schema = keys(
+            &schema,
+            &format!("/properties/algorithms/properties/{name}"),
+        );
         let other = "no such name".to_owned();
         assert_eq!(
             known_to_serde(&algorithm, in_schema.iter().chain([&other])),
@@ -72,18 +110,28 @@ fn the_schema_knows_the_hyperparameters_that_serde_knows() {
             "{name}"
         );
         let written = algorithm.hyperparameters();
-        assert!(written.keys().all(|key| in_schema.contains(key)), "{name}: {written}");
+        assert!(
+            written.keys().all(|key| in_schema.contains(key)),
+            "{name}: {written}"
+        );
     }
     let mcpo = Algorithm::defaults("mcpo", EnvId::Ant).expect("a registered name");
     let mmd = "/properties/algorithms/properties/mcpo/properties/mmd";
     assert_eq!(keys(&schema, mmd), fields(&mcpo, &["mcpo", "mmd"]));
 }
 
-/// A key with a value that its type allows, in TOML: its own default, or one for a type that has none.
+/// A key with a value that its type allows, in TOML: its own default, or one for a type that has
+/// none.
 fn example(schema: &Value) -> &'static str {
-    if let Some(choices) = schema.get("enum").or_else(|| schema.get("oneOf")).and_then(Value::as_array) {
-        let first =
-            choices[0].as_str().or_else(|| choices[0]["enum"][0].as_str()).or_else(|| choices[0]["const"].as_str());
+    if let Some(choices) = schema
+        .get("enum")
+        .or_else(|| schema.get("oneOf"))
+        .and_then(Value::as_array)
+    {
+        let first = choices[0]
+            .as_str()
+            .or_else(|| choices[0]["enum"][0].as_str())
+            .or_else(|| choices[0]["const"].as_str());
         return match first {
             Some("dense") => "\"dense\"",
             Some("mcpo") => "\"mcpo\"",
@@ -92,7 +140,9 @@ fn example(schema: &Value) -> &'static str {
             _ => "\"median\"",
         };
     }
-    let kind = schema["type"].as_str().or_else(|| schema["type"][0].as_str());
+    let kind = schema["type"]
+        .as_str()
+        .or_else(|| schema["type"][0].as_str());
     match kind.unwrap_or_default() {
         "integer" => "8",
         "number" => "0.5",
@@ -113,18 +163,30 @@ fn the_parser_knows_every_axis_of_the_schema() {
         let text = format!("{LEAST}\"{key}\" = [{}]\n", example(&list["items"]));
         if let Err(errors) = parse(&text) {
             // The value may not go together with others; the key is known all the same.
-            assert!(errors.iter().all(|error| !error.message.contains("unknown")), "{key}: {errors}");
+            assert!(
+                errors
+                    .iter()
+                    .all(|error| !error.message.contains("unknown")),
+                "{key}: {errors}"
+            );
         }
     }
-    let refused = parse(&format!("{LEAST}\"no such name\" = [1]\n")).expect_err("no schema knows it");
-    assert!(refused.iter().all(|error| error.message.contains("unknown axis")), "{refused}");
+    let refused =
+        parse(&format!("{LEAST}\"no such name\" = [1]\n")).expect_err("no schema knows it");
+    assert!(
+        refused
+            .iter()
+            .all(|error| error.message.contains("unknown axis")),
+        "{refused}"
+    );
 }
 
 #[test]
 fn every_key_of_the_shipped_experiments_is_in_the_schema() {
     let schema = spec::schema();
     for name in ["ablation", "comparison", "smoke", "demos"] {
-        let text = std::fs::read_to_string(format!("experiments/{name}.toml")).expect("it is there");
+        let text =
+            std::fs::read_to_string(format!("experiments/{name}.toml")).expect("it is there");
         let table: toml::Table = toml::from_str(&text).expect("it is TOML");
         known(&schema, &toml::Value::Table(table), name);
     }
@@ -142,15 +204,26 @@ fn known(schema: &Value, value: &toml::Value, path: &str) {
                 );
             }
         }
-        toml::Value::Array(values) => values.iter().for_each(|value| known(&schema["items"], value, path)),
+        toml::Value::Array(values) => values
+            .iter()
+            .for_each(|value| known(&schema["items"], value, path)),
         _ => {}
     }
 }
 
-/// Why `value` is not what `schema` allows, by the keywords that the schema uses; any other is an error of the test.
+/// Why `value` is not what `schema` allows, by the keywords that the schema uses; any other is an
+/// error of the test.
 fn flaw(schema: &Value, value: &Value) -> Option<String> {
-    const ANNOTATIONS: [&str; 8] =
-        ["description", "title", "default", "$schema", "format", "items", "additionalProperties", "patternProperties"];
+    const ANNOTATIONS: [&str; 8] = [
+        "description",
+        "title",
+        "default",
+        "$schema",
+        "format",
+        "items",
+        "additionalProperties",
+        "patternProperties",
+    ];
     if *schema == Value::Bool(false) {
         return Some(format!("{value} may not stand here"));
     }
@@ -166,33 +239,59 @@ fn flaw(schema: &Value, value: &Value) -> Option<String> {
         other => panic!("the type {other}"),
     };
     let names = |list: &Value| {
-        list.as_array().into_iter().flatten().filter_map(Value::as_str).map(str::to_owned).collect::<Vec<_>>()
+        list.as_array()
+            .into_iter()
+            .flatten()
+            .filter_map(Value::as_str)
+            .map(str::to_owned)
+            .collect::<Vec<_>>()
     };
     fields
         .iter()
         .find_map(|(keyword, rule)| {
             let number = value.as_f64().zip(rule.as_f64());
             let broken = match keyword.as_str() {
-                "type" => !rule.as_str().map_or_else(|| names(rule).iter().any(|kind| is(kind)), is),
+                "type" => !rule
+                    .as_str()
+                    .map_or_else(|| names(rule).iter().any(|kind| is(kind)), is),
                 "enum" => !rule.as_array()?.contains(value),
                 "const" => rule != value,
                 "minimum" => number.is_some_and(|(value, limit)| value < limit),
                 "maximum" => number.is_some_and(|(value, limit)| value > limit),
                 "exclusiveMinimum" => number.is_some_and(|(value, limit)| value <= limit),
                 "exclusiveMaximum" => number.is_some_and(|(value, limit)| value >= limit),
-                "minItems" => value.as_array().is_some_and(|list| (list.len() as u64) < rule.as_u64().unwrap_or(0)),
-                "uniqueItems" => {
-                    value.as_array().is_some_and(|list| list.iter().enumerate().any(|(i, one)| list[..i].contains(one)))
+                "minItems" => value
+                    .as_array()
+                    .is_some_and(|list| (list.len() as u64) < rule.as_u64().unwrap_or(0)),
+                "uniqueItems" => value.as_array().is_some_and(|list| {
+                    list.iter()
+                        .enumerate()
+                        .any(|(i, one)| list[..i].contains(one))
+                }),
+                "required" => {
+                    value.is_object() && names(rule).iter().any(|key| value.get(key).is_none())
                 }
-                "required" => value.is_object() && names(rule).iter().any(|key| value.get(key).is_none()),
-                "pattern" if rule.as_str().is_some_and(|pattern| pattern.contains("-v[0-9]")) => {
+                "pattern"
+                    if rule
+                        .as_str()
+                        .is_some_and(|pattern| pattern.contains("-v[0-9]")) =>
+                {
                     value.as_str().is_some_and(has_version)
                 }
-                "pattern" => {
-                    value.as_str().is_some_and(|text| text.contains('/') || text.starts_with('.') || text.is_empty())
+                "pattern" => value.as_str().is_some_and(|text| {
+                    text.contains('/') || text.starts_with('.') || text.is_empty()
+                }),
+                "oneOf" => {
+                    rule.as_array()?
+                        .iter()
+                        .filter(|choice| flaw(choice, value).is_none())
+                        .count()
+                        != 1
                 }
-                "oneOf" => rule.as_array()?.iter().filter(|choice| flaw(choice, value).is_none()).count() != 1,
-                "anyOf" => rule.as_array()?.iter().all(|choice| flaw(choice, value).is_some()),
+                "anyOf" => rule
+                    .as_array()?
+                    .iter()
+                    .all(|choice| flaw(choice, value).is_some()),
                 "properties" => {
                     let of = |(key, value): (&String, &Value)| {
                         flaw(rule.get(key)?, value).map(|flaw| format!("{key}: {flaw}"))
@@ -211,7 +310,9 @@ fn flaw(schema: &Value, value: &Value) -> Option<String> {
         .or_else(|| {
             let closed = schema["additionalProperties"] == false;
             let unknown = |(key, value): (&String, &Value)| {
-                let named = schema["patternProperties"].as_object().and_then(|patterns| patterns.values().next());
+                let named = schema["patternProperties"]
+                    .as_object()
+                    .and_then(|patterns| patterns.values().next());
                 match named.filter(|_| !has_version(key)) {
                     _ if !closed || schema["properties"].get(key).is_some() => None,
                     Some(named) => flaw(named, value),
@@ -224,7 +325,8 @@ fn flaw(schema: &Value, value: &Value) -> Option<String> {
 
 /// Whether `name` ends in a Gym version.
 fn has_version(name: &str) -> bool {
-    name.rsplit_once("-v").is_some_and(|(_, number)| number.parse::<u32>().is_ok())
+    name.rsplit_once("-v")
+        .is_some_and(|(_, number)| number.parse::<u32>().is_ok())
 }
 
 /// Mistakes that only the whole of a file shows, or that are no matter of types.
@@ -256,36 +358,69 @@ const BEYOND_A_SCHEMA: [&str; 22] = [
 #[test]
 fn an_editor_finds_what_the_parser_finds() {
     let schema = spec::schema();
-    let json = |text: &str| toml::from_str::<toml::Table>(text).ok().and_then(|table| serde_json::to_value(table).ok());
+    let json = |text: &str| {
+        toml::from_str::<toml::Table>(text)
+            .ok()
+            .and_then(|table| serde_json::to_value(table).ok())
+    };
     let mut found = 0;
-    for (name, _) in super::mistakes_are_told::MISTAKES.iter().filter(|(name, _)| !BEYOND_A_SCHEMA.contains(name)) {
-        let text = std::fs::read_to_string(format!("tests/spec/mistakes/{name}.toml")).expect("it is there");
+    for (name, _) in super::mistakes_are_told::MISTAKES
+        .iter()
+        .filter(|(name, _)| !BEYOND_A_SCHEMA.contains(name))
+    {
+        let text = std::fs::read_to_string(format!("tests/spec/mistakes/{name}.toml"))
+            .expect("it is there");
         // What is not TOML, an editor finds without a schema.
         let Some(value) = json(&text) else { continue };
-        assert!(flaw(&schema, &value).is_some(), "{name}: the schema allows it");
+        assert!(
+            flaw(&schema, &value).is_some(),
+            "{name}: the schema allows it"
+        );
         found += 1;
     }
     assert!(found >= 35, "{found}");
     for name in ["ablation", "ci", "comparison", "demos", "smoke"] {
-        let text = std::fs::read_to_string(format!("experiments/{name}.toml")).expect("it is there");
+        let text =
+            std::fs::read_to_string(format!("experiments/{name}.toml")).expect("it is there");
         assert_eq!(flaw(&schema, &json(&text).expect("TOML")), None, "{name}");
     }
     let own = std::fs::read_to_string("examples/robot/robot.toml").expect("it is there");
     assert_eq!(flaw(&schema, &json(&own).expect("TOML")), None);
-    for (from, to) in [("frame_skip", "frame_skpi"), ("clip = 10", "clip = -1"), ("alive = 1.0", "alife = 1.0")] {
-        assert!(flaw(&schema, &json(&own.replace(from, to)).expect("TOML")).is_some(), "{to}");
+    for (from, to) in [
+        ("frame_skip", "frame_skpi"),
+        ("clip = 10", "clip = -1"),
+        ("alive = 1.0", "alife = 1.0"),
+    ] {
+        assert!(
+            flaw(&schema, &json(&own.replace(from, to)).expect("TOML")).is_some(),
+            "{to}"
+        );
     }
     for (line, allowed) in [
         ("env = [\"Pendulum-v2\"]\nalgorithm = [\"ppo\"]", true),
         ("env = [\"Humanoid-v4\"]\nalgorithm = [\"ppo\"]", false),
         ("env = [\"Ant-v2\"]\nalgorithm = [\"sac\"]", false),
         ("env = [\"Ant-v2\"]\nalgorithm = [\"mcpo\"]\nd = [0]", false),
-        ("env = [\"Ant-v2\"]\nalgorithm = [\"mcpo\"]\n\"mcpo.discount\" = [1.0]", false),
-        ("env = [\"Ant-v2\"]\nalgorithm = [\"mcpo\"]\n\"mmd.bandwidth\" = [{ fixed = -1 }]", false),
-        ("env = [\"Ant-v2\"]\nalgorithm = [\"mcpo\"]\n\"rollout.steps\" = [0]", false),
+        (
+            "env = [\"Ant-v2\"]\nalgorithm = [\"mcpo\"]\n\"mcpo.discount\" = [1.0]",
+            false,
+        ),
+        (
+            "env = [\"Ant-v2\"]\nalgorithm = [\"mcpo\"]\n\"mmd.bandwidth\" = [{ fixed = -1 }]",
+            false,
+        ),
+        (
+            "env = [\"Ant-v2\"]\nalgorithm = [\"mcpo\"]\n\"rollout.steps\" = [0]",
+            false,
+        ),
     ] {
-        let text = format!("name = \"x\"\nbudget.env_steps = 100_000\n[[matrix]]\nseed = [0]\n{line}\n");
-        assert_eq!(flaw(&schema, &json(&text).expect("TOML")).is_none(), allowed, "{line}");
+        let text =
+            format!("name = \"x\"\nbudget.env_steps = 100_000\n[[matrix]]\nseed = [0]\n{line}\n");
+        assert_eq!(
+            flaw(&schema, &json(&text).expect("TOML")).is_none(),
+            allowed,
+            "{line}"
+        );
         assert_eq!(parse(&text).is_ok(), allowed, "{line}");
     }
 }

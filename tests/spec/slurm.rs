@@ -19,10 +19,19 @@ const WHOLE: &str = r#"
 
 #[test]
 fn no_run_depends_on_what_a_cluster_is_asked_for() {
-    let (without, with) = (parse(LEAST).expect("valid"), parse(&format!("{LEAST}{WHOLE}")).expect("valid"));
-    assert_eq!(with.slurm.account.as_ref().map(|account| account.as_str()), Some("it's $(mine)"));
+    let (without, with) = (
+        parse(LEAST).expect("valid"),
+        parse(&format!("{LEAST}{WHOLE}")).expect("valid"),
+    );
+    assert_eq!(
+        with.slurm.account.as_ref().map(|account| account.as_str()),
+        Some("it's $(mine)")
+    );
     assert_ne!(with.slurm, without.slurm);
-    assert_eq!(plan(&with).expect("a plan"), plan(&without).expect("a plan"));
+    assert_eq!(
+        plan(&with).expect("a plan"),
+        plan(&without).expect("a plan")
+    );
 }
 
 #[test]
@@ -34,10 +43,19 @@ fn mistakes_are_told_where_they_were_made_and_all_at_once() {
     let errors = parse(&text).expect_err("all of it is wrong");
     let first = LEAST.matches('\n').count() + 2;
     let lines: Vec<Option<usize>> = errors.iter().map(|error| error.line()).collect();
-    assert_eq!(lines, (first..first + 6).map(Some).collect::<Vec<_>>(), "{errors}");
+    assert_eq!(
+        lines,
+        (first..first + 6).map(Some).collect::<Vec<_>>(),
+        "{errors}"
+    );
     let all = errors.to_string();
-    for told in ["unknown key `partiton`", "`2h` is not a time", "`2GB` is not an amount", "slurm.cpus", "--array=0-9"]
-    {
+    for told in [
+        "unknown key `partiton`",
+        "`2h` is not a time",
+        "`2GB` is not an amount",
+        "slurm.cpus",
+        "--array=0-9",
+    ] {
         assert!(all.contains(told), "{told}: {all}");
     }
 }

@@ -12,7 +12,8 @@ use crate::{
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Hyperparameters {
-    /// The tolerance d on MMD^2 at the first iteration: a number, or a share of the MMD^2 of doing nothing.
+    /// The tolerance d on MMD^2 at the first iteration: a number, or a share of the MMD^2 of doing
+    /// nothing.
     pub d: Tolerance,
     /// The annealing factor: `d_k+1 = d_k (1 + epsilon)`.
     pub epsilon: NonNegative,
@@ -27,8 +28,8 @@ pub struct Hyperparameters {
     /// The value network and the advantages.
     #[serde(flatten)]
     pub critic: critic::Hyperparameters,
-    /// How many times a trial whose D exceeds the bound is moved back before the step is halved (`samples =
-    /// "demo_states"`).
+    /// How many times a trial whose D exceeds the bound is moved back before the step is halved
+    /// (`samples = "demo_states"`).
     pub max_corrections: CountOrNone,
     /// Adam steps of one recovery, at most (`samples = "demo_states"`).
     pub recovery_steps: Count,
@@ -58,7 +59,11 @@ impl Hyperparameters {
             max_d: None,
             mmd: mimicry::Hyperparameters::default(),
             region: TrustRegion::default(),
-            critic: critic::Hyperparameters::with_minibatch(if env == EnvId::MountainCar { 64 } else { 128 }),
+            critic: critic::Hyperparameters::with_minibatch(if env == EnvId::MountainCar {
+                64
+            } else {
+                128
+            }),
             max_corrections: constant(3),
             recovery_steps: constant(500),
             recovery_learning_rate: constant(1e-3),

@@ -1,6 +1,7 @@
 //! The moves of MCPO's policy in one iteration: along a step, or down D.
 //!
-//! Owns how far each goes. Which it is, the dual decides, and [`Mcpo::update`](super::Mcpo) after it.
+//! Owns how far each goes. Which it is, the dual decides, and [`Mcpo::update`](super::Mcpo) after
+//! it.
 
 use nalgebra::DMatrix;
 
@@ -18,8 +19,8 @@ use crate::{
     },
 };
 
-/// The constraint is met where D exceeds the tolerance by less than this share of it: a correction ends near the bound, on
-/// either side.
+/// The constraint is met where D exceeds the tolerance by less than this share of it: a correction
+/// ends near the bound, on either side.
 pub(super) const D_MARGIN: f64 = 1e-3;
 
 /// The record of a move.
@@ -54,16 +55,23 @@ pub(super) struct Iteration<'a> {
 impl Iteration<'_> {
     /// Nothing to gain and nothing to mend: the policy stays.
     pub fn stay(&self) -> Outcome {
-        Outcome { mmd_after: self.measured.mmd, ..Outcome::default() }
+        Outcome {
+            mmd_after: self.measured.mmd,
+            ..Outcome::default()
+        }
     }
 
-    /// Moves `policy` along `step` as far as the surrogate rises by its share of `promised`, the linear model's gain.
+    /// Moves `policy` along `step` as far as the surrogate rises by its share of `promised`, the
+    /// linear model's gain.
     pub fn improve(&mut self, policy: &mut GaussianPolicy, step: &Step, promised: f64) -> Outcome {
-        self.search(policy, step, |fraction| trust_region::enough(fraction, promised))
+        self.search(policy, step, |fraction| {
+            trust_region::enough(fraction, promised)
+        })
     }
 
-    /// Moves `agent`'s policy along `step` to where the constraint holds, whatever becomes of the surrogate. Where the step falls
-    /// short of it, and D is known well enough to see that, recovery follows up to the tolerance.
+    /// Moves `agent`'s policy along `step` to where the constraint holds, whatever becomes of the
+    /// surrogate. Where the step falls short of it, and D is known well enough to see that,
+    /// recovery follows up to the tolerance.
     ///
     /// # Errors
     ///
@@ -72,14 +80,17 @@ impl Iteration<'_> {
         let outcome = self.search(&mut agent.policy, step, whatever);
         if self.knows_d() && outcome.mmd_after > (1.0 + D_MARGIN) * self.tolerance {
             let recovered = self.recover(agent, 1.0)?;
-            return Ok(Outcome { step_fraction: outcome.step_fraction, ..recovered });
+            return Ok(Outcome {
+                step_fraction: outcome.step_fraction,
+                ..recovered
+            });
         }
         Ok(outcome)
     }
 
-    /// Eq. (13). At the demonstration's states D is known everywhere, and Adam descends on it until it is within `depth` times
-    /// the tolerance, whatever the KL. From a rollout it is known nearby alone, and one step of the trust region goes down its
-    /// gradient.
+    /// Eq. (13). At the demonstration's states D is known everywhere, and Adam descends on it until
+    /// it is within `depth` times the tolerance, whatever the KL. From a rollout it is known nearby
+    /// alone, and one step of the trust region goes down its gradient.
     ///
     /// # Errors
     ///
@@ -88,46 +99,84 @@ impl Iteration<'_> {
         let h = self.hyperparameters;
         if self.knows_d() {
             let (enough, steps) = (depth * self.tolerance, h.recovery_steps.get());
-            let descent = self.mimicry.descend(agent, enough, steps, h.recovery_learning_rate.get())?;
+            let descent =
+                self.mimicry
+                    .descend(agent, enough, steps, h.recovery_learning_rate.get())?;
             let Trial { gain, kl, .. } = self.surrogate.measure(&agent.policy, self.pass);
             let (mmd_after, recovery_steps) = (descent.after, Some(descent.steps));
-            return Ok(Outcome { kl, gain, mmd_after, recovery_steps, ..Outcome::default() });
+            return Ok(Outcome {
+                kl,
+                gain,
+                mmd_after,
+                recovery_steps,
+                ..Outcome::default()
+            });
         }
         let b = &self.measured.gradient;
-        let solved = h.region.step(self.start, self.observations, self.fisher_pass, b, None);
+        let solved = h
+            .region
+            .step(self.start, self.observations, self.fisher_pass, b, None);
         let outcome = match &solved.step {
             Some(step) => self.search(&mut agent.policy, step, whatever),
             None => self.stay(),
         };
-        Ok(Outcome { recovery_steps: Some(1), ..outcome })
+        Ok(Outcome {
+            recovery_steps: Some(1),
+            ..outcome
+        })
     }
 
-    /// Whether D is known at every policy rather than to first order around the iteration's: there is then a curvature to
-    /// correct, and a truth to hold a step against.
+    /// Whether D is known at every policy rather than to first order around the iteration's: there
+    /// is then a curvature to correct, and a truth to hold a step against.
     fn knows_d(&self) -> bool {
         self.hyperparameters.mmd.samples == Samples::DemoStates
     }
 
-    /// Moves `policy` along `step` as far as the real KL, D and surrogate allow: the KL stays within the region, D within the
-    /// tolerance or, where it was beyond, below what it was, and the surrogate's gain reaches what is `enough` for the
-    /// fraction.
-    fn search(&mut self, policy: &mut GaussianPolicy, step: &Step, enough: impl Fn(f64) -> f64) -> Outcome {
+    /// Moves `policy` along `step` as far as the real KL, D and surrogate allow: the KL stays
+    /// within the region, D within the tolerance or, where it was beyond, below what it was, and
+    /// the surrogate's gain reaches what is `enough` for the fraction.
+    fn search(
+        &mut self,
+        policy: &mut GaussianPolicy,
+        step: &Step,
+        enough: impl Fn(f64) -> f64,
+    ) -> Outcome {
         let knows_d = self.knows_d();
-        let Self { hyperparameters, start, observations, surrogate, measured, mimicry, fisher_pass, pass, .. } = self;
-        let (region, tolerance, known_way) = (&hyperparameters.region, self.tolerance, self.way_back);
+        let Self {
+            hyperparameters,
+            start,
+            observations,
+            surrogate,
+            measured,
+            mimicry,
+            fisher_pass,
+            pass,
+            ..
+        } = self;
+        let (region, tolerance, known_way) =
+            (&hyperparameters.region, self.tolerance, self.way_back);
         let met = (1.0 + D_MARGIN) * tolerance;
         let max_mmd = met.max(measured.mmd);
         let corrections = Corrections {
-            most: if knows_d { hyperparameters.max_corrections.size() } else { 0 },
+            most: if knows_d {
+                hyperparameters.max_corrections.size()
+            } else {
+                0
+            },
             // Where the dual did not need H^-1 b, a trial that is corrected does.
             way_back: &mut || {
-                known_way
-                    .cloned()
-                    .unwrap_or_else(|| region.way_back(start, observations, fisher_pass, &measured.gradient))
+                known_way.cloned().unwrap_or_else(|| {
+                    region.way_back(start, observations, fisher_pass, &measured.gradient)
+                })
             },
         };
-        let judge = |Attempt { policy, fraction, correctable }: Attempt<'_>| {
-            // First what takes a pass over the demonstration alone: a trial that is corrected is not judged.
+        let judge = |Attempt {
+                         policy,
+                         fraction,
+                         correctable,
+                     }: Attempt<'_>| {
+            // First what takes a pass over the demonstration alone: a trial that is corrected is
+            // not judged.
             if correctable {
                 let mmd = mimicry.at(measured, policy, &[]);
                 if mmd > met {
@@ -136,12 +185,20 @@ impl Iteration<'_> {
             }
             let trial = surrogate.measure(policy, pass);
             let mmd = mimicry.at(measured, policy, &trial.ratios);
-            let tests = [region.holds(&trial), (mmd <= max_mmd, "D"), (trial.gain >= enough(fraction), "surrogate")];
+            let tests = [
+                region.holds(&trial),
+                (mmd <= max_mmd, "D"),
+                (trial.gain >= enough(fraction), "surrogate"),
+            ];
             judged(tests, (trial, mmd))
         };
         match region.improve(policy, step, Some(corrections), judge) {
             None => self.stay(),
-            Some(Improved { fraction, corrections, verdict: (Trial { gain, kl, .. }, mmd_after) }) => Outcome {
+            Some(Improved {
+                fraction,
+                corrections,
+                verdict: (Trial { gain, kl, .. }, mmd_after),
+            }) => Outcome {
                 kl,
                 gain,
                 mmd_after,

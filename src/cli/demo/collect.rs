@@ -39,8 +39,8 @@ pub struct CollectArguments {
     /// Initial states that each policy is tried from
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=1000))]
     starts: u32,
-    /// The return to come close to, whatever else the episode is like [default: the paper's Demo column, and within 1 % of it
-    /// the likeness to the authors' demonstration]
+    /// The return to come close to, whatever else the episode is like [default: the paper's Demo
+    /// column, and within 1 % of it the likeness to the authors' demonstration]
     #[arg(long, value_name = "RETURN", allow_negative_numbers = true)]
     target: Option<f64>,
 }
@@ -48,8 +48,9 @@ pub struct CollectArguments {
 /// Returns so near the wanted one (as a share of it) are as good as it.
 const SAME: f64 = 0.01;
 
-/// A policy whose mean return over the starts is no farther off than this (as a share of the wanted one) is as good as the
-/// wanted one; a better policy's mishap has its return, but teaches what is behind a better one.
+/// A policy whose mean return over the starts is no farther off than this (as a share of the wanted
+/// one) is as good as the wanted one; a better policy's mishap has its return, but teaches what is
+/// behind a better one.
 const AS_GOOD: f64 = 0.2;
 
 /// A return farther off than this (as a share of the wanted one) is told as a warning.
@@ -65,10 +66,11 @@ struct Wanted {
 /// How far an episode is from what is wanted; the least is the best.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
 enum Misfit {
-    /// The return is the [`SAME`] and the policy [`AS_GOOD`]: how far the episode is from what it shall be like, or else from
-    /// the return.
+    /// The return is the [`SAME`] and the policy [`AS_GOOD`]: how far the episode is from what it
+    /// shall be like, or else from the return.
     Near(f64),
-    /// The same of a policy that is better or worse than its episode: how far its mean return is off.
+    /// The same of a policy that is better or worse than its episode: how far its mean return is
+    /// off.
     Untypical(f64),
     /// How far the return is.
     Far(f64),
@@ -96,14 +98,20 @@ pub fn run(arguments: &CollectArguments) -> anyhow::Result<ExitCode> {
         runs.entry(run.env).or_default().push(run);
     }
     let file = |env: EnvId| arguments.out.join(format!("{env}.parquet"));
-    runs.keys().try_for_each(|&env| not_over(&file(env), arguments.force))?;
-    fs::create_dir_all(&arguments.out).with_context(|| format!("cannot make {}", arguments.out.display()))?;
+    runs.keys()
+        .try_for_each(|&env| not_over(&file(env), arguments.force))?;
+    fs::create_dir_all(&arguments.out)
+        .with_context(|| format!("cannot make {}", arguments.out.display()))?;
     let mut missing = Vec::new();
     for (env, runs) in runs {
         let wanted = Wanted::new(env, arguments.target)?;
         match best(&runs, &arguments.chosen.results, arguments.starts, &wanted)? {
             None => missing.push(env.name()),
-            Some(candidate) => tell(&candidate, &wanted, &write(&candidate, &wanted, &file(env))?)?,
+            Some(candidate) => tell(
+                &candidate,
+                &wanted,
+                &write(&candidate, &wanted, &file(env))?,
+            )?,
         }
     }
     if !missing.is_empty() {
@@ -116,15 +124,24 @@ pub fn run(arguments: &CollectArguments) -> anyhow::Result<ExitCode> {
 }
 
 impl Wanted {
-    /// The return `target` and nothing else, or else what the authors' demonstration of `env` is like.
+    /// The return `target` and nothing else, or else what the authors' demonstration of `env` is
+    /// like.
     fn new(env: EnvId, target: Option<f64>) -> anyhow::Result<Self> {
         if let Some(dense_return) = target {
-            return Ok(Self { dense_return, like: None });
+            return Ok(Self {
+                dense_return,
+                like: None,
+            });
         }
         let paper = reference::returns(env.name()).with_context(|| {
-            format!("the paper has no {env}: `--target RETURN` says what its demonstration is to earn")
+            format!(
+                "the paper has no {env}: `--target RETURN` says what its demonstration is to earn"
+            )
         })?;
-        Ok(Self { dense_return: paper.demo, like: reference::demonstration(env.name()) })
+        Ok(Self {
+            dense_return: paper.demo,
+            like: reference::demonstration(env.name()),
+        })
     }
 
     /// How far off a return is, as a share of the wanted one.
@@ -132,8 +149,8 @@ impl Wanted {
         (dense_return - self.dense_return).abs() / self.dense_return.abs()
     }
 
-    /// The misfit of an episode of `dense_return`, which `record` gives step by step, of a policy whose returns are
-    /// `mean_return` in the mean.
+    /// The misfit of an episode of `dense_return`, which `record` gives step by step, of a policy
+    /// whose returns are `mean_return` in the mean.
     fn misfit(
         &self,
         dense_return: f64,
@@ -142,7 +159,9 @@ impl Wanted {
     ) -> anyhow::Result<Misfit> {
         let off = self.off(dense_return);
         Ok(match self.like {
-            _ if off.is_nan() || off > SAME => Misfit::Far((dense_return - self.dense_return).abs()),
+            _ if off.is_nan() || off > SAME => {
+                Misfit::Far((dense_return - self.dense_return).abs())
+            }
             None => Misfit::Near(off),
             Some(_) if self.off(mean_return) > AS_GOOD => Misfit::Untypical(self.off(mean_return)),
             Some(like) => Misfit::Near(unlikeness(like, &record()?)),
@@ -150,8 +169,8 @@ impl Wanted {
     }
 }
 
-/// How unlike the authors' demonstration `episode` is: the logarithm of the factor within which length, rms of the actions
-/// and D of doing nothing all agree; 0 where they are equal.
+/// How unlike the authors' demonstration `episode` is: the logarithm of the factor within which
+/// length, rms of the actions and D of doing nothing all agree; 0 where they are equal.
 fn unlikeness(like: &reference::Demonstration, episode: &Demonstration) -> f64 {
     [
         episode.len() as f64 / like.steps as f64,
@@ -164,18 +183,33 @@ fn unlikeness(like: &reference::Demonstration, episode: &Demonstration) -> f64 {
 }
 
 /// The episode with the least misfit; `None` when none of the `runs` has kept a policy yet.
-fn best(runs: &[RunSpec], results: &Path, starts: u32, wanted: &Wanted) -> anyhow::Result<Option<Candidate>> {
+fn best(
+    runs: &[RunSpec],
+    results: &Path,
+    starts: u32,
+    wanted: &Wanted,
+) -> anyhow::Result<Option<Candidate>> {
     let mut best: Option<(Misfit, Candidate)> = None;
     for run in runs {
         let paths = RunPaths::new(results, &run.experiment, &run.id)?;
-        let mut tasks: Vec<Task> =
-            (0..starts.min(8)).map(|_| Task::new(run.env, Reward::Dense, run.max_steps)).collect::<Result<_, _>>()?;
+        let mut tasks: Vec<Task> = (0..starts.min(8))
+            .map(|_| Task::new(run.env, Reward::Dense, run.max_steps))
+            .collect::<Result<_, _>>()?;
         for path in kept_policies(&paths)? {
             let (agent, stamp) = policy::read_for(&path, tasks[0].spaces())?;
             let generator = |start| run.seed.stream(Stream::Evaluation, start);
             let generators = (0..starts).map(generator).collect();
-            let episodes = evaluate::episodes(&mut Actor::MeanAction(&agent), &mut tasks, generators, &mut || {})?;
-            let mean_return = episodes.iter().map(|episode| episode.dense_return).sum::<f64>() / episodes.len() as f64;
+            let episodes = evaluate::episodes(
+                &mut Actor::MeanAction(&agent),
+                &mut tasks,
+                generators,
+                &mut || {},
+            )?;
+            let mean_return = episodes
+                .iter()
+                .map(|episode| episode.dense_return)
+                .sum::<f64>()
+                / episodes.len() as f64;
             for (start, episode) in (0..).zip(&episodes) {
                 let misfit = wanted.misfit(episode.dense_return, mean_return, || {
                     Ok(evaluate::record(&agent, &mut tasks[0], generator(start))?)
@@ -184,7 +218,8 @@ fn best(runs: &[RunSpec], results: &Path, starts: u32, wanted: &Wanted) -> anyho
                     let candidate = Candidate {
                         run: run.clone(),
                         fingerprint: stamp.fingerprint.clone(),
-                        env_steps: RunPaths::kept_after(&path).context("a kept policy's name is a number of steps")?,
+                        env_steps: RunPaths::kept_after(&path)
+                            .context("a kept policy's name is a number of steps")?,
                         agent: agent.clone(),
                         start,
                         dense_return: episode.dense_return,
@@ -200,11 +235,19 @@ fn best(runs: &[RunSpec], results: &Path, starts: u32, wanted: &Wanted) -> anyho
 
 /// The policies that a run has kept, whether it has ended or not, in the order of training.
 fn kept_policies(paths: &RunPaths) -> anyhow::Result<Vec<PathBuf>> {
-    let folder =
-        [&paths.complete, &paths.partial].map(|folder| folder.join("policies")).into_iter().find(|f| f.is_dir());
-    let Some(folder) = folder else { return Ok(Vec::new()) };
+    let folder = [&paths.complete, &paths.partial]
+        .map(|folder| folder.join("policies"))
+        .into_iter()
+        .find(|f| f.is_dir());
+    let Some(folder) = folder else {
+        return Ok(Vec::new());
+    };
     let mut files = fs::read_dir(&folder)
-        .and_then(|entries| entries.map(|entry| Ok(entry?.path())).collect::<Result<Vec<_>, _>>())
+        .and_then(|entries| {
+            entries
+                .map(|entry| Ok(entry?.path()))
+                .collect::<Result<Vec<_>, _>>()
+        })
         .with_context(|| format!("cannot read {}", folder.display()))?;
     files.retain(|file| RunPaths::kept_after(file).is_some());
     files.sort();
@@ -213,16 +256,28 @@ fn kept_policies(paths: &RunPaths) -> anyhow::Result<Vec<PathBuf>> {
 
 /// Plays the candidate's episode again, step by step, and writes it.
 fn write(candidate: &Candidate, wanted: &Wanted, path: &Path) -> anyhow::Result<Demonstration> {
-    let Candidate { run, agent, start, .. } = candidate;
+    let Candidate {
+        run, agent, start, ..
+    } = candidate;
     let mut task = Task::new(run.env, Reward::Dense, run.max_steps)?;
     let Seed(seed) = run.seed;
-    let mut demonstration = evaluate::record(agent, &mut task, run.seed.stream(Stream::Evaluation, *start))?;
+    let mut demonstration = evaluate::record(
+        agent,
+        &mut task,
+        run.seed.stream(Stream::Evaluation, *start),
+    )?;
     demonstration.provenance = [
         ("environment", run.env.name().to_owned()),
         ("return", format!("{:.6}", candidate.dense_return)),
-        ("mean_return_of_policy", format!("{:.6}", candidate.mean_return)),
+        (
+            "mean_return_of_policy",
+            format!("{:.6}", candidate.mean_return),
+        ),
         ("wanted_return", wanted.dense_return.to_string()),
-        ("policy", format!("{} on the dense reward", run.algorithm_name())),
+        (
+            "policy",
+            format!("{} on the dense reward", run.algorithm_name()),
+        ),
         ("run", format!("{}/{}", run.experiment, run.id)),
         ("seed", seed.to_string()),
         ("env_steps", candidate.env_steps.to_string()),
@@ -239,8 +294,18 @@ fn write(candidate: &Candidate, wanted: &Wanted, path: &Path) -> anyhow::Result<
 
 /// Prints what was written, and warns where it is not what was wanted.
 fn tell(candidate: &Candidate, wanted: &Wanted, written: &Demonstration) -> anyhow::Result<()> {
-    let Candidate { run, env_steps, start, dense_return, mean_return, .. } = candidate;
-    let Wanted { dense_return: wanted_return, .. } = wanted;
+    let Candidate {
+        run,
+        env_steps,
+        start,
+        dense_return,
+        mean_return,
+        ..
+    } = candidate;
+    let Wanted {
+        dense_return: wanted_return,
+        ..
+    } = wanted;
     let env = run.env;
     print(&format!(
         "{env:<26} {:>4} steps, return {dense_return:>9.2} (wanted {wanted_return:.2}, the policy's mean \
@@ -252,7 +317,9 @@ fn tell(candidate: &Candidate, wanted: &Wanted, written: &Demonstration) -> anyh
         run.id,
     ))?;
     if wanted.off(*dense_return) > FAR {
-        let warning = format!("warning: no episode of {env} has a return within 10 % of {wanted_return:.2}\n");
+        let warning = format!(
+            "warning: no episode of {env} has a return within 10 % of {wanted_return:.2}\n"
+        );
         drop(io::stderr().write_all(warning.as_bytes())); // nobody listens
     }
     Ok(())
@@ -267,7 +334,11 @@ mod tests {
     }
 
     fn misfit(wanted: &Wanted, dense_return: f64) -> Misfit {
-        wanted.misfit(dense_return, dense_return, || bail!("the return alone decides")).expect("it is not played")
+        wanted
+            .misfit(dense_return, dense_return, || {
+                bail!("the return alone decides")
+            })
+            .expect("it is not played")
     }
 
     #[test]
@@ -295,12 +366,24 @@ mod tests {
         };
         let near = |scale| {
             let same = wanted.dense_return * 1.009;
-            wanted.misfit(same, same, || Ok(episode(scale))).expect("played")
+            wanted
+                .misfit(same, same, || Ok(episode(scale)))
+                .expect("played")
         };
         assert!(near(0.2) > near(0.5), "{:?} {:?}", near(0.2), near(0.5));
         assert!(near(0.2) < misfit(&wanted, wanted.dense_return * 1.011));
-        let mishap = |mean| wanted.misfit(wanted.dense_return, mean, || bail!("not played")).expect("it is not played");
-        let (better, far_better) = (mishap(wanted.dense_return * 1.3), mishap(wanted.dense_return * 2.0));
-        assert!(near(0.2) < better && better < far_better, "a better policy's mishap");
+        let mishap = |mean| {
+            wanted
+                .misfit(wanted.dense_return, mean, || bail!("not played"))
+                .expect("it is not played")
+        };
+        let (better, far_better) = (
+            mishap(wanted.dense_return * 1.3),
+            mishap(wanted.dense_return * 2.0),
+        );
+        assert!(
+            near(0.2) < better && better < far_better,
+            "a better policy's mishap"
+        );
     }
 }

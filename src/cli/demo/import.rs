@@ -28,19 +28,28 @@ pub struct ImportArguments {
 pub fn run(arguments: &ImportArguments) -> anyhow::Result<ExitCode> {
     let (path, env) = (&arguments.file, arguments.env);
     not_over(&arguments.out, arguments.force)?;
-    let Imported { mut demonstration, losses, warnings } = import(path, env)?;
+    let Imported {
+        mut demonstration,
+        losses,
+        warnings,
+    } = import(path, env)?;
     let recomputed = demonstration.sums(&recomputed_rewards(&demonstration, path, env)?);
     let recorded = demonstration.returns();
     let earned: f64 = recorded.as_ref().unwrap_or(&recomputed).iter().sum();
     let mean = earned / demonstration.episode_starts.len() as f64;
     demonstration.provenance.retain(|(key, _)| key != "return");
-    demonstration.provenance.push(("return".into(), mean.to_string()));
+    demonstration
+        .provenance
+        .push(("return".into(), mean.to_string()));
     demonstration.write(&arguments.out)?;
     let mut text = format!("{} of {env}: {}\n", path.display(), size(&demonstration));
     if let Some(returns) = recorded {
         text += &format!("return, as recorded: {}\n", summary(&returns));
     }
-    text += &format!("return, from observations and actions: {}\n", summary(&recomputed));
+    text += &format!(
+        "return, from observations and actions: {}\n",
+        summary(&recomputed)
+    );
     for loss in losses {
         text += &format!("lost: {loss}\n");
     }

@@ -21,27 +21,30 @@ use crate::{
 pub enum DemoCommand {
     /// Take demonstrations from the policies that runs kept during training
     ///
-    /// For each environment, plays the kept policies' mean actions from a few initial states, and writes one episode as that
-    /// environment's demonstration: of those whose dense return is within 1 % of the paper's, and whose policy's mean return is
-    /// within 20 % of it, the one whose length, rms of actions and MMD^2 to doing nothing are the most like those of the
-    /// authors' demonstration. Where no policy's mean is that near, the one whose policy's mean is nearest; where no return is
-    /// within 1 %, or a return is asked for, the one with the nearest return.
+    /// For each environment, plays the kept policies' mean actions from a few initial states, and
+    /// writes one episode as that environment's demonstration: of those whose dense return is
+    /// within 1 % of the paper's, and whose policy's mean return is within 20 % of it, the one
+    /// whose length, rms of actions and MMD^2 to doing nothing are the most like those of the
+    /// authors' demonstration. Where no policy's mean is that near, the one whose policy's mean is
+    /// nearest; where no return is within 1 %, or a return is asked for, the one with the nearest
+    /// return.
     Collect(collect::CollectArguments),
     /// Read a demonstration from elsewhere and write it in this program's format
     ///
-    /// The file may be a pickle of the authors' code (compressed by bzip2 or not), Parquet, or .npz with arrays such as
-    /// observations and actions. Prints its length, its return as far as observations and actions give it, and what was
-    /// lost. No code in the file is run.
+    /// The file may be a pickle of the authors' code (compressed by bzip2 or not), Parquet, or .npz
+    /// with arrays such as observations and actions. Prints its length, its return as far as
+    /// observations and actions give it, and what was lost. No code in the file is run.
     Import(import::ImportArguments),
     /// Replay a demonstration and compare
     ///
-    /// Puts the environment into each episode's first pose, takes the recorded actions, and prints the greatest
-    /// deviations of observation, reward and end. Exits with 4 where one is over the tolerance.
+    /// Puts the environment into each episode's first pose, takes the recorded actions, and prints
+    /// the greatest deviations of observation, reward and end. Exits with 4 where one is over the
+    /// tolerance.
     Verify(verify::VerifyArguments),
     /// Print a demonstration's facts, and draw its returns and actions; for several, print a table
     ///
-    /// Beside length and return: the rms of the actions, and MMD^2 to the policy that does nothing, by which a tolerance d
-    /// can be chosen.
+    /// Beside length and return: the rms of the actions, and MMD^2 to the policy that does nothing,
+    /// by which a tolerance d can be chosen.
     Show(show::ShowArguments),
 }
 
@@ -87,9 +90,17 @@ pub(super) fn counted(n: usize, what: &str) -> String {
 /// The numbers of a few episodes, or what many are like.
 fn summary(values: &[f64]) -> String {
     if values.len() <= 5 {
-        return values.iter().map(|value| format!("{value:.4}")).collect::<Vec<_>>().join(", ");
+        return values
+            .iter()
+            .map(|value| format!("{value:.4}"))
+            .collect::<Vec<_>>()
+            .join(", ");
     }
-    let (least, most) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &x| (a.min(x), b.max(x)));
+    let (least, most) = values
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &x| {
+            (a.min(x), b.max(x))
+        });
     let mean = values.iter().sum::<f64>() / values.len() as f64;
     format!("{mean:.4} in the mean, from {least:.4} to {most:.4}")
 }

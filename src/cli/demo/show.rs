@@ -32,9 +32,13 @@ pub fn run(arguments: &ShowArguments) -> anyhow::Result<ExitCode> {
     let rewards = Rewards::of(&demonstration, file)?;
     print(&facts(&demonstration, rewards.as_ref()))?;
     if let Some(out) = &arguments.out {
-        let name = file.file_name().map(|name| name.to_string_lossy()).unwrap_or_default();
-        let png =
-            traces::picture(&name, &demonstration, rewards.as_ref()).png().context("cannot draw the demonstration")?;
+        let name = file
+            .file_name()
+            .map(|name| name.to_string_lossy())
+            .unwrap_or_default();
+        let png = traces::picture(&name, &demonstration, rewards.as_ref())
+            .png()
+            .context("cannot draw the demonstration")?;
         write_atomically(out, &png)?;
         print(&format!("drawn in {}\n", out.display()))?;
     }
@@ -52,7 +56,12 @@ fn table(files: &[PathBuf]) -> anyhow::Result<String> {
         let episodes = demonstration.episode_starts.len();
         let earned = rewards.map_or_else(
             || "not recorded".to_owned(),
-            |rewards| format!("{:.1}", rewards.values.iter().sum::<f64>() / episodes as f64),
+            |rewards| {
+                format!(
+                    "{:.1}",
+                    rewards.values.iter().sum::<f64>() / episodes as f64
+                )
+            },
         );
         text += &format!(
             "| {} | {episodes} | {} | {earned} | {:.3} | {:.1e} |\n",
@@ -67,10 +76,17 @@ fn table(files: &[PathBuf]) -> anyhow::Result<String> {
 
 /// What there is to say of `demonstration`.
 fn facts(demonstration: &Demonstration, rewards: Option<&Rewards>) -> String {
-    let lengths: Vec<f64> = demonstration.episodes().map(|steps| steps.len() as f64).collect();
+    let lengths: Vec<f64> = demonstration
+        .episodes()
+        .map(|steps| steps.len() as f64)
+        .collect();
     let ended = |flags: &[bool]| flags.iter().filter(|&&flag| flag).count();
     let range = |numbers: &[f64]| {
-        let (least, most) = numbers.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &x| (a.min(x), b.max(x)));
+        let (least, most) = numbers
+            .iter()
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &x| {
+                (a.min(x), b.max(x))
+            });
         format!("from {least:.4} to {most:.4}")
     };
     let rows = [
@@ -80,7 +96,13 @@ fn facts(demonstration: &Demonstration, rewards: Option<&Rewards>) -> String {
             "return",
             rewards.map_or_else(
                 || "not recorded".to_owned(),
-                |rewards| format!("{}, {}", summary(&demonstration.sums(&rewards.values)), rewards.source),
+                |rewards| {
+                    format!(
+                        "{}, {}",
+                        summary(&demonstration.sums(&rewards.values)),
+                        rewards.source
+                    )
+                },
             ),
         ),
         (
@@ -92,7 +114,14 @@ fn facts(demonstration: &Demonstration, rewards: Option<&Rewards>) -> String {
             ),
         ),
         ("observations", range(demonstration.observations.as_slice())),
-        ("actions", format!("{}, rms {:.3}", range(demonstration.actions.as_slice()), demonstration.action_rms())),
+        (
+            "actions",
+            format!(
+                "{}, rms {:.3}",
+                range(demonstration.actions.as_slice()),
+                demonstration.action_rms()
+            ),
+        ),
         (
             "doing nothing",
             format!(
@@ -102,9 +131,20 @@ fn facts(demonstration: &Demonstration, rewards: Option<&Rewards>) -> String {
         ),
         (
             "poses",
-            if demonstration.poses.is_some() { "recorded" } else { "not recorded; it cannot be replayed" }.to_owned(),
+            if demonstration.poses.is_some() {
+                "recorded"
+            } else {
+                "not recorded; it cannot be replayed"
+            }
+            .to_owned(),
         ),
     ];
-    let provenance = demonstration.provenance.iter().map(|(key, value)| (key.as_str(), value.clone()));
-    rows.into_iter().chain(provenance).map(|(key, value)| format!("{key:<14} {value}\n")).collect()
+    let provenance = demonstration
+        .provenance
+        .iter()
+        .map(|(key, value)| (key.as_str(), value.clone()));
+    rows.into_iter()
+        .chain(provenance)
+        .map(|(key, value)| format!("{key:<14} {value}\n"))
+        .collect()
 }

@@ -1,4 +1,5 @@
-//! A demonstration as a picture: what each episode earned so far, and each number of its actions, over its steps.
+//! A demonstration as a picture: what each episode earned so far, and each number of its actions,
+//! over its steps.
 
 use super::rewards::Rewards;
 use crate::{
@@ -34,7 +35,12 @@ struct Panel {
 /// The picture of `demonstration` under `title`.
 pub fn picture(title: &str, demonstration: &Demonstration, rewards: Option<&Rewards>) -> Picture {
     let panels = panels(demonstration, rewards);
-    let longest = panels.iter().flat_map(|panel| &panel.episodes).map(Vec::len).max().unwrap_or(1);
+    let longest = panels
+        .iter()
+        .flat_map(|panel| &panel.episodes)
+        .map(Vec::len)
+        .max()
+        .unwrap_or(1);
     let mut shapes = vec![text(title, (WIDTH / 2.0, 24.0), Anchor::Middle, 12.0)];
     let mut top = 50.0;
     for panel in &panels {
@@ -43,14 +49,29 @@ pub fn picture(title: &str, demonstration: &Demonstration, rewards: Option<&Rewa
     }
     let below = top - GAP + SIZE * 1.5;
     shapes.push(text("0", (LEFT, below), Anchor::Middle, SIZE));
-    shapes.push(text(&longest.to_string(), (RIGHT, below), Anchor::End, SIZE));
-    shapes.push(text("step of the episode", ((LEFT + RIGHT) / 2.0, below), Anchor::Middle, SIZE));
+    shapes.push(text(
+        &longest.to_string(),
+        (RIGHT, below),
+        Anchor::End,
+        SIZE,
+    ));
+    shapes.push(text(
+        "step of the episode",
+        ((LEFT + RIGHT) / 2.0, below),
+        Anchor::Middle,
+        SIZE,
+    ));
     let mut height = below + SIZE;
     if let Some(note) = note(demonstration, rewards) {
         height += SIZE * 1.5;
         shapes.push(text(&note, (LEFT, height), Anchor::Start, SIZE));
     }
-    Picture { width: WIDTH, height: height + SIZE, dpi: DPI, shapes }
+    Picture {
+        width: WIDTH,
+        height: height + SIZE,
+        dpi: DPI,
+        shapes,
+    }
 }
 
 /// Returns first, then actions.
@@ -73,18 +94,26 @@ fn panels(demonstration: &Demonstration, rewards: Option<&Rewards>) -> Vec<Panel
     let action_dim = demonstration.actions.nrows();
     let actions = (0..action_dim.min(ACTIONS)).map(|i| Panel {
         title: format!("action, number {} of {action_dim}", i + 1),
-        episodes: episodes().map(|steps| steps.map(|step| demonstration.actions[(i, step)]).collect()).collect(),
+        episodes: episodes()
+            .map(|steps| steps.map(|step| demonstration.actions[(i, step)]).collect())
+            .collect(),
     });
     earned.chain(actions).collect()
 }
 
 /// What is not drawn.
 fn note(demonstration: &Demonstration, rewards: Option<&Rewards>) -> Option<String> {
-    let (episodes, actions) = (demonstration.episode_starts.len(), demonstration.actions.nrows());
+    let (episodes, actions) = (
+        demonstration.episode_starts.len(),
+        demonstration.actions.nrows(),
+    );
     let notes = [
-        rewards.is_none().then(|| "rewards are not recorded".to_owned()),
+        rewards
+            .is_none()
+            .then(|| "rewards are not recorded".to_owned()),
         (episodes > EPISODES).then(|| format!("the first {EPISODES} of {episodes} episodes")),
-        (actions > ACTIONS).then(|| format!("the first {ACTIONS} of {actions} numbers of an action")),
+        (actions > ACTIONS)
+            .then(|| format!("the first {ACTIONS} of {actions} numbers of an action")),
     ];
     let notes: Vec<String> = notes.into_iter().flatten().collect();
     (!notes.is_empty()).then(|| notes.join("; "))
@@ -93,32 +122,67 @@ fn note(demonstration: &Demonstration, rewards: Option<&Rewards>) -> Option<Stri
 /// A panel whose frame begins at `top`.
 fn draw(panel: &Panel, longest: usize, top: f64) -> Vec<Shape> {
     let values = || panel.episodes.iter().flatten().copied();
-    let (low, high) = (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
+    let (low, high) = (
+        values().fold(f64::INFINITY, f64::min),
+        values().fold(f64::NEG_INFINITY, f64::max),
+    );
     // A constant lies in the middle.
-    let (low, high) = if high > low { (low, high) } else { (low - 1.0, high + 1.0) };
+    let (low, high) = if high > low {
+        (low, high)
+    } else {
+        (low - 1.0, high + 1.0)
+    };
     let at = |step: usize, value: f64| {
         let across = LEFT + (RIGHT - LEFT) * step as f64 / (longest.max(2) - 1) as f64;
         (across, top + PANEL * (high - value) / (high - low))
     };
-    let frame = [(LEFT, top), (RIGHT, top), (RIGHT, top + PANEL), (LEFT, top + PANEL), (LEFT, top)];
+    let frame = [
+        (LEFT, top),
+        (RIGHT, top),
+        (RIGHT, top + PANEL),
+        (LEFT, top + PANEL),
+        (LEFT, top),
+    ];
     let mut shapes = vec![
-        Shape::Line { points: frame.to_vec(), width: 0.8, color: LIGHT },
+        Shape::Line {
+            points: frame.to_vec(),
+            width: 0.8,
+            color: LIGHT,
+        },
         text(&panel.title, (LEFT, top - 4.0), Anchor::Start, SIZE),
-        text(&number(high), (LEFT - 5.0, top + SIZE * 0.8), Anchor::End, SIZE),
+        text(
+            &number(high),
+            (LEFT - 5.0, top + SIZE * 0.8),
+            Anchor::End,
+            SIZE,
+        ),
         text(&number(low), (LEFT - 5.0, top + PANEL), Anchor::End, SIZE),
     ];
     if low < 0.0 && high > 0.0 {
         let points = vec![(LEFT, at(0, 0.0).1), (RIGHT, at(0, 0.0).1)];
-        shapes.push(Shape::Line { points, width: 0.8, color: LIGHT });
+        shapes.push(Shape::Line {
+            points,
+            width: 0.8,
+            color: LIGHT,
+        });
     }
     for (episode, color) in panel.episodes.iter().zip(PALETTE.iter().cycle()) {
         let stride = episode.len().div_ceil(POINTS);
-        let mut points: Vec<_> = episode.iter().enumerate().step_by(stride).map(|(i, &value)| at(i, value)).collect();
+        let mut points: Vec<_> = episode
+            .iter()
+            .enumerate()
+            .step_by(stride)
+            .map(|(i, &value)| at(i, value))
+            .collect();
         if let [only] = points[..] {
             points.push((only.0 + 2.0, only.1));
         }
         let width = if longest > 300 { 0.7 } else { 1.2 };
-        shapes.push(Shape::Line { points, width, color: *color });
+        shapes.push(Shape::Line {
+            points,
+            width,
+            color: *color,
+        });
     }
     shapes
 }
@@ -133,7 +197,14 @@ fn number(value: f64) -> String {
 }
 
 fn text(text: &str, at: (f64, f64), anchor: Anchor, size: f64) -> Shape {
-    Shape::Text(Text { text: text.to_owned(), at, anchor, size, color: BLACK, upwards: false })
+    Shape::Text(Text {
+        text: text.to_owned(),
+        at,
+        anchor,
+        size,
+        color: BLACK,
+        upwards: false,
+    })
 }
 
 #[cfg(test)]
@@ -157,7 +228,10 @@ mod tests {
     }
 
     fn rewards(demonstration: &Demonstration) -> Rewards {
-        Rewards { values: vec![2.0; demonstration.len()], source: "as recorded" }
+        Rewards {
+            values: vec![2.0; demonstration.len()],
+            source: "as recorded",
+        }
     }
 
     #[test]
@@ -187,9 +261,16 @@ mod tests {
         for demonstration in [demonstration(3, 8), single] {
             let picture = picture("title", &demonstration, Some(&rewards(&demonstration)));
             for shape in &picture.shapes {
-                let Shape::Line { points, .. } = shape else { continue };
+                let Shape::Line { points, .. } = shape else {
+                    continue;
+                };
                 assert!(points.len() > 1);
-                assert!(points.iter().all(|&(x, y)| (0.0..WIDTH).contains(&x) && (0.0..picture.height).contains(&y)));
+                assert!(
+                    points
+                        .iter()
+                        .all(|&(x, y)| (0.0..WIDTH).contains(&x)
+                            && (0.0..picture.height).contains(&y))
+                );
             }
         }
     }

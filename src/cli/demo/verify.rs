@@ -17,20 +17,25 @@ pub struct VerifyArguments {
     /// The environment, such as Hopper-v2, or robot.toml:NAME for a robot of one's own
     #[arg(long, value_name = "ENV", value_parser = super::super::environment::environment)]
     env: EnvId,
-    /// The largest deviation of an observation's number or a reward that still counts as agreement [default: 1e-9; 1e-5 in
-    /// MountainCar, and 1e-6 for rewards under f32 actions, which Gymnasium computes in f32]
+    /// The largest deviation of an observation's number or a reward that still counts as agreement
+    /// [default: 1e-9; 1e-5 in MountainCar, and 1e-6 for rewards under f32 actions, which Gymnasium
+    /// computes in f32]
     #[arg(long, value_name = "X", allow_negative_numbers = true, value_parser = tolerance)]
     tolerance: Option<NonNegative>,
 }
 
 fn tolerance(text: &str) -> Result<NonNegative, String> {
-    let number: f64 = text.parse().map_err(|_| format!("`{text}` is not a number"))?;
+    let number: f64 = text
+        .parse()
+        .map_err(|_| format!("`{text}` is not a number"))?;
     NonNegative::try_from(number).map_err(|error| error.to_string())
 }
 
 /// ` in episode 2, step 17`, or nothing.
 fn place(at: Option<At>) -> String {
-    at.map_or_else(String::new, |At { episode, step, .. }| format!(" in episode {episode}, step {step}"))
+    at.map_or_else(String::new, |At { episode, step, .. }| {
+        format!(" in episode {episode}, step {step}")
+    })
 }
 
 /// Replays the demonstration and prints the greatest deviations.
@@ -39,25 +44,43 @@ pub fn run(arguments: &VerifyArguments) -> anyhow::Result<ExitCode> {
     let demonstration = Demonstration::read(path)?;
     let replay = verify(&demonstration, path, env)?;
     let deviation = replay.deviation;
-    let tolerance = arguments
-        .tolerance
-        .map(NonNegative::get)
-        .map_or_else(|| Tolerance::of(&demonstration, env), |both| Tolerance { observation: both, reward: both });
+    let tolerance = arguments.tolerance.map(NonNegative::get).map_or_else(
+        || Tolerance::of(&demonstration, env),
+        |both| Tolerance {
+            observation: both,
+            reward: both,
+        },
+    );
     let agrees = tolerance.holds(&deviation);
     let reward = deviation.reward.map_or_else(
         || "not recorded".to_owned(),
-        |reward| format!("{reward:e}{}", place((reward > 0.0).then_some(replay.reward_at))),
+        |reward| {
+            format!(
+                "{reward:e}{}",
+                place((reward > 0.0).then_some(replay.reward_at))
+            )
+        },
     );
     let number = replay.observation_at.number;
-    let observation_at = match place((deviation.observation > 0.0).then_some(replay.observation_at)) {
+    let observation_at = match place((deviation.observation > 0.0).then_some(replay.observation_at))
+    {
         nowhere if nowhere.is_empty() => nowhere,
         place => format!("{place}, number {number}"),
     };
-    let version =
-        replay.version(env, &tolerance).filter(|_| !agrees).map_or_else(String::new, |(version, difference)| {
-            format!("it deviates as a recording of {}-v{version} does: {difference}\n", env.family())
+    let version = replay
+        .version(env, &tolerance)
+        .filter(|_| !agrees)
+        .map_or_else(String::new, |(version, difference)| {
+            format!(
+                "it deviates as a recording of {}-v{version} does: {difference}\n",
+                env.family()
+            )
         });
-    let verdict = if agrees { "agrees with" } else { "DIFFERS from" };
+    let verdict = if agrees {
+        "agrees with"
+    } else {
+        "DIFFERS from"
+    };
     print(&format!(
         "{file} in {env}: {size}\n\
          greatest deviation of an observation  {observation:e}{observation_at} (tolerance {observation_tolerance:e})\n\

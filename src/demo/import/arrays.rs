@@ -1,4 +1,5 @@
-//! Arrays by name, as `.npz` files and Parquet tables of others hold them, put together to a demonstration.
+//! Arrays by name, as `.npz` files and Parquet tables of others hold them, put together to a
+//! demonstration.
 
 use std::collections::BTreeSet;
 
@@ -21,7 +22,10 @@ pub(super) struct Array {
 impl Array {
     /// `numbers` in `rows`; in none where there is no number, however many rows a file claims.
     pub(super) fn new(rows: usize, numbers: Vec<f64>) -> Self {
-        Self { rows: if numbers.is_empty() { 0 } else { rows }, numbers }
+        Self {
+            rows: if numbers.is_empty() { 0 } else { rows },
+            numbers,
+        }
     }
 
     /// How many rows there are.
@@ -36,7 +40,11 @@ impl Array {
 
     /// One column a row.
     fn into_columns(self) -> DMatrix<f64> {
-        DMatrix::from_vec(self.numbers.len().checked_div(self.rows).unwrap_or(0), self.rows, self.numbers)
+        DMatrix::from_vec(
+            self.numbers.len().checked_div(self.rows).unwrap_or(0),
+            self.rows,
+            self.numbers,
+        )
     }
 }
 
@@ -63,11 +71,18 @@ pub(super) struct Arrays<'a> {
 
 impl<'a> Arrays<'a> {
     pub(super) fn new(named: &'a Named<'a>) -> Self {
-        Self { named, used: BTreeSet::new(), read: 0 }
+        Self {
+            named,
+            used: BTreeSet::new(),
+            read: 0,
+        }
     }
 
     /// The first array that has one of `names`, and its name.
-    pub(super) fn first(&mut self, names: &[&'static str]) -> Result<Option<(&'static str, Array)>, String> {
+    pub(super) fn first(
+        &mut self,
+        names: &[&'static str],
+    ) -> Result<Option<(&'static str, Array)>, String> {
         for &name in names {
             if let Some(array) = (self.named)(name)? {
                 self.read += array.numbers.len();
@@ -82,7 +97,9 @@ impl<'a> Arrays<'a> {
     }
 
     fn required(&mut self, names: &[&'static str]) -> Result<Array, String> {
-        self.first(names)?.map(|(_, array)| array).ok_or_else(|| format!("it has none of {}", names.join(", ")))
+        self.first(names)?
+            .map(|(_, array)| array)
+            .ok_or_else(|| format!("it has none of {}", names.join(", ")))
     }
 
     /// The same for an array that has a number for each of `n` steps.
@@ -92,9 +109,10 @@ impl<'a> Arrays<'a> {
         n: usize,
     ) -> Result<Option<(&'static str, Vec<f64>)>, String> {
         match self.first(names)? {
-            Some((name, array)) if array.numbers.len() != n => {
-                Err(format!("`{name}` has {} numbers for {n} actions", array.numbers.len()))
-            }
+            Some((name, array)) if array.numbers.len() != n => Err(format!(
+                "`{name}` has {} numbers for {n} actions",
+                array.numbers.len()
+            )),
             found => Ok(found.map(|(name, array)| (name, array.numbers))),
         }
     }
@@ -102,16 +120,23 @@ impl<'a> Arrays<'a> {
     /// Those of `names` that were not asked for.
     fn unused<'n>(&self, names: impl IntoIterator<Item = &'n str>) -> Vec<&'n str> {
         // A column `obs_3` belongs to `obs`.
-        let stem = |name: &'n str| name.rsplit_once('_').filter(|(_, place)| place.parse::<usize>().is_ok());
+        let stem = |name: &'n str| {
+            name.rsplit_once('_')
+                .filter(|(_, place)| place.parse::<usize>().is_ok())
+        };
         let is_used = |name: &str| self.used.contains(name);
-        let all = names.into_iter().filter(|name| !is_used(name) && !stem(name).is_some_and(|(stem, _)| is_used(stem)));
+        let all = names
+            .into_iter()
+            .filter(|name| !is_used(name) && !stem(name).is_some_and(|(stem, _)| is_used(stem)));
         all.collect()
     }
 }
 
 /// The demonstration of `env` in the arrays called `names`, which `named` finds.
 ///
-/// Errors: arrays are missing, of unequal lengths, too large, or contradict each other.
+/// # Errors
+///
+/// Arrays are missing, of unequal lengths, too large, or contradict each other.
 pub(super) fn assemble<'n>(
     env: EnvId,
     names: impl IntoIterator<Item = &'n str>,
@@ -135,11 +160,22 @@ pub(super) fn assemble<'n>(
         let mut columns = array.into_columns();
         if rows == n + count && rows != n {
             after_last = true;
-            let behind: Vec<_> = episodes.last_rows().iter().enumerate().map(|(i, last)| last + i + 1).collect();
+            let behind: Vec<_> = episodes
+                .last_rows()
+                .iter()
+                .enumerate()
+                .map(|(i, last)| last + i + 1)
+                .collect();
             columns = columns.remove_columns_at(&behind);
         } else if rows != n {
-            let episodes = if count == 1 { "1 episode".to_owned() } else { format!("{count} episodes") };
-            return Err(format!("`{what}` has {rows} rows for {n} actions in {episodes}"));
+            let episodes = if count == 1 {
+                "1 episode".to_owned()
+            } else {
+                format!("{count} episodes")
+            };
+            return Err(format!(
+                "`{what}` has {rows} rows for {n} actions in {episodes}"
+            ));
         }
         Ok(columns)
     };
@@ -149,11 +185,22 @@ pub(super) fn assemble<'n>(
         (Some((_, qpos)), Some((_, qvel))) => {
             let (qpos, qvel) = (of_steps("qpos", qpos)?, of_steps("qvel", qvel)?);
             let pairs = qpos.column_iter().zip(qvel.column_iter());
-            Some(pairs.map(|(q, v)| Pose { qpos: q.as_slice().to_vec(), qvel: v.as_slice().to_vec() }).collect())
+            Some(
+                pairs
+                    .map(|(q, v)| Pose {
+                        qpos: q.as_slice().to_vec(),
+                        qvel: v.as_slice().to_vec(),
+                    })
+                    .collect(),
+            )
         }
         (one, other) => {
-            let alone = one.or(other).map_or_else(String::new, |(name, _)| format!(" (`{name}` alone is not enough)"));
-            losses.push(format!("poses are not recorded{alone}; the demonstration cannot be verified by replay"));
+            let alone = one.or(other).map_or_else(String::new, |(name, _)| {
+                format!(" (`{name}` alone is not enough)")
+            });
+            losses.push(format!(
+                "poses are not recorded{alone}; the demonstration cannot be verified by replay"
+            ));
             None::<Vec<Pose>>
         }
     };
@@ -162,22 +209,41 @@ pub(super) fn assemble<'n>(
     if rewards.is_none() {
         losses.push("rewards are not recorded".into());
     }
-    if episodes.last_rows_are_marked && last_rows_are_no_steps(&episodes, &actions, rewards.as_deref()) {
+    if episodes.last_rows_are_marked
+        && last_rows_are_no_steps(&episodes, &actions, rewards.as_deref())
+    {
         let rows = episodes.last_rows();
         observations = observations.remove_columns_at(&rows);
         actions = actions.remove_columns_at(&rows);
         let keep = |row: usize| rows.binary_search(&row).is_err();
-        rewards = rewards.map(|all| (0..n).filter(|&row| keep(row)).map(|row| all[row]).collect());
-        poses =
-            poses.map(|all| all.into_iter().enumerate().filter(|(row, _)| keep(*row)).map(|(_, pose)| pose).collect());
+        rewards = rewards.map(|all| {
+            (0..n)
+                .filter(|&row| keep(row))
+                .map(|row| all[row])
+                .collect()
+        });
+        poses = poses.map(|all| {
+            all.into_iter()
+                .enumerate()
+                .filter(|(row, _)| keep(*row))
+                .map(|(_, pose)| pose)
+                .collect()
+        });
         episodes.drop_last_rows();
         after_last = true;
     }
     if after_last {
-        losses.push("the observation after each episode's last step has no place in the format".into());
+        losses.push(
+            "the observation after each episode's last step has no place in the format".into(),
+        );
     }
     let (are_told, ends_are_told) = (episodes.are_told, episodes.ends_are_told);
-    let Episodes { starts: episode_starts, terminated, truncated, .. } = episodes;
+    let Episodes {
+        starts: episode_starts,
+        terminated,
+        truncated,
+        ..
+    } = episodes;
     let mut demonstration = Demonstration {
         observations,
         actions,
@@ -192,30 +258,54 @@ pub(super) fn assemble<'n>(
         infer_ends(&mut demonstration, env, &mut losses);
     }
     if !are_told {
-        warnings.push(format!("nothing says where episodes begin; all {n} steps are taken as one episode"));
+        warnings.push(format!(
+            "nothing says where episodes begin; all {n} steps are taken as one episode"
+        ));
     }
     let unused = arrays.unused(names);
     if !unused.is_empty() {
         let more = if unused.len() > NAMES { " ..." } else { "" };
-        losses.push(format!("not used: {}{more}", unused[..unused.len().min(NAMES)].join(", ")));
+        losses.push(format!(
+            "not used: {}{more}",
+            unused[..unused.len().min(NAMES)].join(", ")
+        ));
     }
-    Ok(Imported { demonstration, losses, warnings })
+    Ok(Imported {
+        demonstration,
+        losses,
+        warnings,
+    })
 }
 
-/// Whether the last row of each episode is the observation after its last step, as RLDS has it: its action and reward mean
-/// nothing and are 0, unlike others.
-fn last_rows_are_no_steps(episodes: &Episodes, actions: &DMatrix<f64>, rewards: Option<&[f64]>) -> bool {
+/// Whether the last row of each episode is the observation after its last step, as RLDS has it: its
+/// action and reward mean nothing and are 0, unlike others.
+fn last_rows_are_no_steps(
+    episodes: &Episodes,
+    actions: &DMatrix<f64>,
+    rewards: Option<&[f64]>,
+) -> bool {
     let last = episodes.last_rows();
-    let long = last.iter().zip(&episodes.starts).all(|(last, start)| last > start);
-    let is_zero = |row: usize| actions.column(row).iter().all(|&a| a == 0.0) && rewards.is_none_or(|r| r[row] == 0.0);
+    let long = last
+        .iter()
+        .zip(&episodes.starts)
+        .all(|(last, start)| last > start);
+    let is_zero = |row: usize| {
+        actions.column(row).iter().all(|&a| a == 0.0) && rewards.is_none_or(|r| r[row] == 0.0)
+    };
     long && last.iter().all(|&row| is_zero(row)) && actions.iter().any(|&action| action != 0.0)
 }
 
-/// The numbers that `bytes` are when numpy calls their type `name` (`f8`, `b1` ...) and their bytes come lowest first or
-/// last; absent for types that hold no numbers and where bytes are left over.
+/// The numbers that `bytes` are when numpy calls their type `name` (`f8`, `b1` ...) and their bytes
+/// come lowest first or last; absent for types that hold no numbers and where bytes are left over.
 pub(super) fn decode(name: &str, little: bool, bytes: &[u8]) -> Option<Vec<f64>> {
-    fn words<const N: usize>(bytes: &[u8], little: bool, of: fn([u8; N]) -> f64) -> Option<Vec<f64>> {
-        let (words, []) = bytes.as_chunks::<N>() else { return None };
+    fn words<const N: usize>(
+        bytes: &[u8],
+        little: bool,
+        of: fn([u8; N]) -> f64,
+    ) -> Option<Vec<f64>> {
+        let (words, []) = bytes.as_chunks::<N>() else {
+            return None;
+        };
         let in_order = |mut word: [u8; N]| {
             if !little {
                 word.reverse();

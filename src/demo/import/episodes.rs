@@ -1,24 +1,39 @@
-//! Where the episodes of another program's file begin and end, from everything that the file says of it.
+//! Where the episodes of another program's file begin and end, from everything that the file says
+//! of it.
 //!
-//! Each array that marks episodes is an account of them. Accounts that contradict each other, or what the arrays hold, are
-//! refused: episodes that are joined in silence have a return that is a sum.
+//! Each array that marks episodes is an account of them. Accounts that contradict each other, or
+//! what the arrays hold, are refused: episodes that are joined in silence have a return that is a
+//! sum.
 
 use std::collections::HashSet;
 
 use super::arrays::Arrays;
 
 /// The names of arrays that mark episodes. The number of the episode, at each step.
-const NUMBERS: &[&str] = &["episode", "episodes", "episode_id", "episode_ids", "episode_index"];
+const NUMBERS: &[&str] = &[
+    "episode",
+    "episodes",
+    "episode_id",
+    "episode_ids",
+    "episode_index",
+];
 /// The place in the episode, at each step.
 const STEPS: &[&str] = &["step", "steps", "step_id", "frame_index", "timestep"];
-/// Whether an episode begins with the step (`episode_starts` is Stable Baselines', `is_first` RLDS's).
+/// Whether an episode begins with the step (`episode_starts` is Stable Baselines', `is_first`
+/// RLDS's).
 const FIRST: &[&str] = &["episode_starts", "episode_start", "is_first"];
 /// Whether it is the episode's last row.
 const LAST: &[&str] = &["is_last"];
 /// Where `imitation` splits its arrays into trajectories.
 const SPLITS: &[&str] = &["indices"];
 /// Whether the task ended the episode.
-const TERMINATED: &[&str] = &["terminated", "terminals", "terminal", "terminations", "is_terminal"];
+const TERMINATED: &[&str] = &[
+    "terminated",
+    "terminals",
+    "terminal",
+    "terminations",
+    "is_terminal",
+];
 /// Whether a limit cut it.
 const TRUNCATED: &[&str] = &["truncated", "timeouts", "truncations"];
 /// Whether it ended, of itself or by the limit.
@@ -43,11 +58,17 @@ pub(super) struct Episodes {
 }
 
 impl Episodes {
-    /// What `arrays`, of `n` steps, tell of episodes; one of at least `limit` steps was cut, where only its end is told.
+    /// What `arrays`, of `n` steps, tell of episodes; one of at least `limit` steps was cut, where
+    /// only its end is told.
     ///
-    /// Errors: an array is no account of `n` steps, or two contradict each other.
+    /// # Errors
+    ///
+    /// An array is no account of `n` steps, or two contradict each other.
     pub(super) fn of(arrays: &mut Arrays<'_>, n: usize, limit: u64) -> Result<Self, String> {
-        let mut accounts = Accounts { n, found: Vec::new() };
+        let mut accounts = Accounts {
+            n,
+            found: Vec::new(),
+        };
         if let Some((name, splits)) = arrays.first(SPLITS)? {
             let starts = std::iter::once(0.0).chain(splits.numbers().iter().copied());
             accounts.add(name, rising(name, starts, n)?)?;
@@ -59,7 +80,12 @@ impl Episodes {
             accounts.add(name, restarts(name, &steps)?)?;
         }
         if let Some((name, first)) = arrays.of_each_step(FIRST, n)? {
-            accounts.add(name, (0..n).filter(|&row| row == 0 || first[row] != 0.0).collect())?;
+            accounts.add(
+                name,
+                (0..n)
+                    .filter(|&row| row == 0 || first[row] != 0.0)
+                    .collect(),
+            )?;
         }
         let last = arrays.of_each_step(LAST, n)?;
         if let Some((name, last)) = &last {
@@ -89,8 +115,9 @@ impl Episodes {
         }
         let starts_told = told.is_some();
         let ends_told = terminated.is_some() || truncated.is_some();
-        let is_set =
-            |flags: &Option<(&str, Vec<bool>)>, row: usize| flags.as_ref().is_some_and(|(_, flags)| flags[row]);
+        let is_set = |flags: &Option<(&str, Vec<bool>)>, row: usize| {
+            flags.as_ref().is_some_and(|(_, flags)| flags[row])
+        };
         let ends = |row| is_set(&terminated, row) || is_set(&truncated, row) || is_set(&done, row);
         let starts = told.unwrap_or_else(|| after_each(n, ends));
         let mut episodes = Self {
@@ -108,13 +135,15 @@ impl Episodes {
             && returns.rows() != episodes.starts.len()
         {
             let (told, found) = (returns.rows(), episodes.starts.len());
-            return Err(format!("`{name}` says {told} episodes, but the arrays hold {found}"));
+            return Err(format!(
+                "`{name}` says {told} episodes, but the arrays hold {found}"
+            ));
         }
         Ok(episodes)
     }
 
-    /// Where a step is `done` and nothing says why: cut after `limit` steps, else terminated; only cut where the file has
-    /// marks for what terminated.
+    /// Where a step is `done` and nothing says why: cut after `limit` steps, else terminated; only
+    /// cut where the file has marks for what terminated.
     fn finish(&mut self, done: &[bool], limit: u64, terminations_are_told: bool) {
         let mut start = 0;
         for (row, _) in done.iter().enumerate().filter(|(_, done)| **done) {
@@ -133,19 +162,31 @@ impl Episodes {
 
     /// The last row of each.
     pub(super) fn last_rows(&self) -> Vec<usize> {
-        let ends = self.starts.iter().skip(1).copied().chain([self.terminated.len()]);
+        let ends = self
+            .starts
+            .iter()
+            .skip(1)
+            .copied()
+            .chain([self.terminated.len()]);
         ends.map(|end| end - 1).collect()
     }
 
-    /// Takes each episode's last row away, whose end becomes the row's before. Each must have two rows or more.
+    /// Takes each episode's last row away, whose end becomes the row's before. Each must have two
+    /// rows or more.
     pub(super) fn drop_last_rows(&mut self) {
         let dropped = self.last_rows();
         for flags in [&mut self.terminated, &mut self.truncated] {
             dropped.iter().for_each(|&row| flags[row - 1] |= flags[row]);
             let mut row = 0..;
-            flags.retain(|_| row.next().is_some_and(|row| dropped.binary_search(&row).is_err()));
+            flags.retain(|_| {
+                row.next()
+                    .is_some_and(|row| dropped.binary_search(&row).is_err())
+            });
         }
-        self.starts.iter_mut().enumerate().for_each(|(episode, start)| *start -= episode);
+        self.starts
+            .iter_mut()
+            .enumerate()
+            .for_each(|(episode, start)| *start -= episode);
     }
 }
 
@@ -161,10 +202,17 @@ impl Accounts {
         if let Some((other, before)) = self.found.first()
             && *before != starts
         {
-            let row = (0..self.n).find(|row| before.binary_search(row).is_ok() != starts.binary_search(row).is_ok());
+            let row = (0..self.n)
+                .find(|row| before.binary_search(row).is_ok() != starts.binary_search(row).is_ok());
             let row = row.unwrap_or_default();
-            let (one, none) = if starts.contains(&row) { (name, *other) } else { (*other, name) };
-            return Err(format!("`{one}` begins an episode in row {row}, where `{none}` does not"));
+            let (one, none) = if starts.contains(&row) {
+                (name, *other)
+            } else {
+                (*other, name)
+            };
+            return Err(format!(
+                "`{one}` begins an episode in row {row}, where `{none}` does not"
+            ));
         }
         self.found.push((name, starts));
         Ok(())
@@ -183,9 +231,11 @@ fn after_each(n: usize, ends: impl Fn(usize) -> bool) -> Vec<usize> {
 /// `starts` as rows. Errors: they do not rise within `n`.
 fn rising(name: &str, starts: impl Iterator<Item = f64>, n: usize) -> Result<Vec<usize>, String> {
     let disorderly = || format!("its `{name}` do not rise within its actions");
-    let rows: Option<Vec<usize>> =
-        starts.map(|at| (at.fract() == 0.0 && at >= 0.0 && at < n as f64).then_some(at as usize)).collect();
-    rows.filter(|rows| rows.is_sorted_by(|a, b| a < b)).ok_or_else(disorderly)
+    let rows: Option<Vec<usize>> = starts
+        .map(|at| (at.fract() == 0.0 && at >= 0.0 && at < n as f64).then_some(at as usize))
+        .collect();
+    rows.filter(|rows| rows.is_sorted_by(|a, b| a < b))
+        .ok_or_else(disorderly)
 }
 
 /// Where the number of the episode changes. Errors: one comes again.
@@ -197,7 +247,9 @@ fn changes(name: &str, numbers: &[f64]) -> Result<Vec<usize>, String> {
             continue;
         }
         if !seen.insert(number.to_bits()) {
-            return Err(format!("`{name}` {number} appears again in row {row}; an episode's steps must be together"));
+            return Err(format!(
+                "`{name}` {number} appears again in row {row}; an episode's steps must be together"
+            ));
         }
         starts.push(row);
     }
@@ -216,7 +268,10 @@ fn restarts(name: &str, steps: &[f64]) -> Result<Vec<usize>, String> {
         }
         if step != steps[0] {
             let expected = steps[row - 1] + 1.0;
-            return Err(format!("`{name}` is {step} in row {row}; expected {expected}, or {} again", steps[0]));
+            return Err(format!(
+                "`{name}` is {step} in row {row}; expected {expected}, or {} again",
+                steps[0]
+            ));
         }
         starts.push(row);
     }

@@ -1,7 +1,7 @@
 //! Demonstrations from elsewhere: the authors' pickles, Parquet with other names, `.npz` archives.
 //!
-//! Owns what those files look like and what of a demonstration they do not hold. Runs nothing that a file says and
-//! believes none of its sizes. Start at [`import`].
+//! Owns what those files look like and what of a demonstration they do not hold. Runs nothing that
+//! a file says and believes none of its sizes. Start at [`import`].
 
 mod arrays;
 mod episodes;
@@ -41,29 +41,47 @@ pub struct Imported {
 
 /// Reads `path`, whose kind its first bytes tell, as a demonstration of `env`:
 ///
-/// - a pickle of the authors' code, compressed by bzip2 or not: one or several trajectories of filtered states and raw
-///   actions, with the filter's state;
-/// - Parquet, in this crate's format or with columns or lists named `observations`, `obs`, `actions`, `acts`, `rewards`,
-///   `terminals`, `timeouts`, `episode_index`, `is_first` and the like;
-/// - `.npz`, with arrays of those names, as Stable Baselines, the `imitation` library and D4RL dumps have them.
+/// - a pickle of the authors' code, compressed by bzip2 or not: one or several trajectories of
+///   filtered states and raw actions, with the filter's state;
+/// - Parquet, in this crate's format or with columns or lists named `observations`, `obs`,
+///   `actions`, `acts`, `rewards`, `terminals`, `timeouts`, `episode_index`, `is_first` and the
+///   like;
+/// - `.npz`, with arrays of those names, as Stable Baselines, the `imitation` library and D4RL
+///   dumps have them.
 ///
-/// Errors: the file is none of these, damaged, or of another environment; arrays do not fit each other; an episode is longer
-/// than `env` allows.
+/// # Errors
+///
+/// The file is none of these, damaged, or of another environment; arrays do not fit each other; an
+/// episode is longer than `env` allows.
 pub fn import(path: &Path, env: EnvId) -> Result<Imported, DemoError> {
-    let unreadable = |reason: String| DemoError::Unreadable { path: path.to_owned(), reason };
+    let unreadable = |reason: String| DemoError::Unreadable {
+        path: path.to_owned(),
+        reason,
+    };
     let file = read_bounded(path).map_err(unreadable)?;
     let mut imported = from_bytes(file, env).map_err(unreadable)?;
     if let Some(flaw) = imported.demonstration.flaw() {
         return Err(unreadable(flaw));
     }
-    let Imported { demonstration, losses, warnings } = &mut imported;
+    let Imported {
+        demonstration,
+        losses,
+        warnings,
+    } = &mut imported;
     demonstration.check(path, env)?;
     if let Some(reason) = too_long(demonstration, env) {
-        return Err(DemoError::Misfit { path: path.to_owned(), env, reason });
+        return Err(DemoError::Misfit {
+            path: path.to_owned(),
+            env,
+            reason,
+        });
     }
     let label = demonstration.label().filter(|label| *label != env.name());
     warnings.extend(label.and_then(|label| of_another_version(label, env)));
-    let failed = |source| DemoError::Environment { path: path.to_owned(), source };
+    let failed = |source| DemoError::Environment {
+        path: path.to_owned(),
+        source,
+    };
     if motion::mover(demonstration, env).map_err(failed)? == Mover::Unknown {
         warnings.push(format!(
             "its observations do not move like those of {env}: they may be scaled, or from another robot"
@@ -74,26 +92,50 @@ pub fn import(path: &Path, env: EnvId) -> Result<Imported, DemoError> {
     let provenance = &mut demonstration.provenance;
     provenance.retain(|(key, _)| key != "env");
     provenance.insert(0, ("env".into(), env.name().into()));
-    let name = path.file_name().map(|name| name.to_string_lossy().into_owned());
+    let name = path
+        .file_name()
+        .map(|name| name.to_string_lossy().into_owned());
     provenance.push(("imported_from".into(), name.unwrap_or_default()));
-    provenance.extend(losses.iter().enumerate().map(|(i, loss)| (format!("loss_{}", i + 1), loss.clone())));
-    provenance.extend(warnings.iter().enumerate().map(|(i, warning)| (format!("warning_{}", i + 1), warning.clone())));
+    provenance.extend(
+        losses
+            .iter()
+            .enumerate()
+            .map(|(i, loss)| (format!("loss_{}", i + 1), loss.clone())),
+    );
+    provenance.extend(
+        warnings
+            .iter()
+            .enumerate()
+            .map(|(i, warning)| (format!("warning_{}", i + 1), warning.clone())),
+    );
     Ok(imported)
 }
 
 /// What to say of a file whose `label` is not quite that of `env`.
 fn of_another_version(label: &str, env: EnvId) -> Option<String> {
     let Some((_, version)) = EnvId::of_label(label) else {
-        return Some(format!("the file says that it is from `{}`, which is not known", label.escape_debug()));
+        return Some(format!(
+            "the file says that it is from `{}`, which is not known",
+            label.escape_debug()
+        ));
     };
     let difference = env.differs_in(version?)?;
-    Some(format!("the file says that it is from `{}`: {difference}", label.escape_debug()))
+    Some(format!(
+        "the file says that it is from `{}`: {difference}",
+        label.escape_debug()
+    ))
 }
 
 /// What to say of an episode that is longer than `env` allows.
 fn too_long(demonstration: &Demonstration, env: EnvId) -> Option<String> {
-    let (limit, mut lengths) = (env.max_steps(), demonstration.episodes().map(|steps| steps.len()));
-    let (episode, length) = lengths.by_ref().enumerate().find(|(_, length)| *length as u64 > limit)?;
+    let (limit, mut lengths) = (
+        env.max_steps(),
+        demonstration.episodes().map(|steps| steps.len()),
+    );
+    let (episode, length) = lengths
+        .by_ref()
+        .enumerate()
+        .find(|(_, length)| *length as u64 > limit)?;
     Some(format!(
         "episode {episode} has {length} steps, and at most {limit} are possible; the file does not say where its episodes end, or does so under an unknown name"
     ))
@@ -102,7 +144,11 @@ fn too_long(demonstration: &Demonstration, env: EnvId) -> Option<String> {
 /// What to say of observations that jump after these steps.
 fn jump(steps: &[usize]) -> Option<String> {
     let (first, places) = (steps.first()?, steps.len());
-    let more = if places > 1 { format!(" and in {} other places", places - 1) } else { String::new() };
+    let more = if places > 1 {
+        format!(" and in {} other places", places - 1)
+    } else {
+        String::new()
+    };
     Some(format!(
         "between rows {first} and {}{more} the observation jumps as no physics does: episodes may be joined there",
         first + 1
@@ -129,19 +175,32 @@ fn from_bytes(file: Vec<u8>, env: EnvId) -> Result<Imported, String> {
 /// Everything that `reader` gives, if it is not too much.
 fn unfold(reader: impl Read) -> Result<Vec<u8>, String> {
     let mut bytes = Vec::new();
-    reader.take(MAX_UNFOLDED as u64 + 1).read_to_end(&mut bytes).map_err(|error| error.to_string())?;
+    reader
+        .take(MAX_UNFOLDED as u64 + 1)
+        .read_to_end(&mut bytes)
+        .map_err(|error| error.to_string())?;
     if bytes.len() > MAX_UNFOLDED {
-        return Err(format!("it unpacks to more than {} MiB", MAX_UNFOLDED >> 20));
+        return Err(format!(
+            "it unpacks to more than {} MiB",
+            MAX_UNFOLDED >> 20
+        ));
     }
     Ok(bytes)
 }
 
-/// Marks the ends that a source does not tell: an episode as long as `env` allows was cut, a shorter one terminated.
+/// Marks the ends that a source does not tell: an episode as long as `env` allows was cut, a
+/// shorter one terminated.
 fn infer_ends(demonstration: &mut Demonstration, env: EnvId, losses: &mut Vec<String>) {
-    let ends: Vec<_> = demonstration.episodes().map(|steps| (steps.len() as u64, steps.end - 1)).collect();
+    let ends: Vec<_> = demonstration
+        .episodes()
+        .map(|steps| (steps.len() as u64, steps.end - 1))
+        .collect();
     for (length, last) in ends {
         let whole = length >= env.max_steps();
-        (demonstration.terminated[last], demonstration.truncated[last]) = (!whole, whole);
+        (
+            demonstration.terminated[last],
+            demonstration.truncated[last],
+        ) = (!whole, whole);
     }
     losses.push(format!(
         "how episodes ended is not recorded; those shorter than {} steps are taken as terminated",

@@ -1,7 +1,8 @@
 //! `.npz`: numpy arrays in a ZIP archive.
 //!
-//! Members stored or deflated, found by the archive's directory; arrays of numbers or truth values in C order. Members
-//! that nobody asks for (`infos` of `imitation`, which is a pickle) are not looked into.
+//! Members stored or deflated, found by the archive's directory; arrays of numbers or truth values
+//! in C order. Members that nobody asks for (`infos` of `imitation`, which is a pickle) are not
+//! looked into.
 
 use super::{
     Imported, MAX_NUMBERS,
@@ -13,13 +14,21 @@ use crate::env::EnvId;
 /// The demonstration of `env` in the archive `file`.
 pub(super) fn read(file: &[u8], env: EnvId) -> Result<Imported, String> {
     let members = directory(file)?;
-    let names: Vec<&str> = members.iter().map(|(name, _)| name.trim_end_matches(".npy")).collect();
+    let names: Vec<&str> = members
+        .iter()
+        .map(|(name, _)| name.trim_end_matches(".npy"))
+        .collect();
     let imported = assemble(env, names.iter().copied(), &|name| {
-        let Some((_, member)) = members.iter().find(|(found, _)| found.strip_suffix(".npy") == Some(name)) else {
+        let Some((_, member)) = members
+            .iter()
+            .find(|(found, _)| found.strip_suffix(".npy") == Some(name))
+        else {
             return Ok(None);
         };
         let array = unfolded(file, *member).and_then(|bytes| array(&bytes));
-        array.map(Some).map_err(|reason| format!("its array `{name}` {reason}"))
+        array
+            .map(Some)
+            .map_err(|reason| format!("its array `{name}` {reason}"))
     });
     imported.map_err(|reason| format!("{reason} (the archive holds {})", names.join(", ")))
 }
@@ -47,9 +56,15 @@ fn directory(file: &[u8]) -> Result<Vec<(String, Member)>, String> {
     const ENTRY: &[u8] = b"PK\x01\x02";
     // A comment of up to 64 KiB may follow the directory's end.
     let tail = file.len().saturating_sub(22 + (1 << 16));
-    let end = file[tail..].windows(4).rposition(|window| window == END).ok_or("the archive has no directory")? + tail;
+    let end = file[tail..]
+        .windows(4)
+        .rposition(|window| window == END)
+        .ok_or("the archive has no directory")?
+        + tail;
     let damaged = || "the archive's directory is damaged".to_owned();
-    let comment = u16_at(file, end + 20).map(usize::from).ok_or_else(damaged)?;
+    let comment = u16_at(file, end + 20)
+        .map(usize::from)
+        .ok_or_else(damaged)?;
     if file.len() < end + 22 + comment {
         return Err(damaged());
     }
@@ -57,12 +72,25 @@ fn directory(file: &[u8]) -> Result<Vec<(String, Member)>, String> {
     let mut at = u32_at(file, end + 16).ok_or_else(damaged)?;
     let mut members = Vec::new();
     for _ in 0..count {
-        let entry = file.get(at..).filter(|entry| entry.starts_with(ENTRY)).ok_or_else(damaged)?;
+        let entry = file
+            .get(at..)
+            .filter(|entry| entry.starts_with(ENTRY))
+            .ok_or_else(damaged)?;
         let member = || {
-            let lengths = [u16_at(entry, 28)?, u16_at(entry, 30)?, u16_at(entry, 32)?].map(usize::from);
+            let lengths =
+                [u16_at(entry, 28)?, u16_at(entry, 30)?, u16_at(entry, 32)?].map(usize::from);
             let name = String::from_utf8_lossy(entry.get(46..46 + lengths[0])?).into_owned();
-            let (method, compressed_size, offset) = (u16_at(entry, 10)?, u32_at(entry, 20)?, u32_at(entry, 42)?);
-            Some((name, Member { method, compressed_size, offset }, 46 + lengths.iter().sum::<usize>()))
+            let (method, compressed_size, offset) =
+                (u16_at(entry, 10)?, u32_at(entry, 20)?, u32_at(entry, 42)?);
+            Some((
+                name,
+                Member {
+                    method,
+                    compressed_size,
+                    offset,
+                },
+                46 + lengths.iter().sum::<usize>(),
+            ))
         };
         let (name, member, length) = member().ok_or_else(damaged)?;
         members.push((name, member));
@@ -74,7 +102,9 @@ fn directory(file: &[u8]) -> Result<Vec<(String, Member)>, String> {
 /// The bytes of `member`.
 fn unfolded(file: &[u8], member: Member) -> Result<Vec<u8>, String> {
     let stored = || {
-        let header = file.get(member.offset..).filter(|header| header.starts_with(b"PK\x03\x04"))?;
+        let header = file
+            .get(member.offset..)
+            .filter(|header| header.starts_with(b"PK\x03\x04"))?;
         let start = 30 + usize::from(u16_at(header, 26)?) + usize::from(u16_at(header, 28)?);
         header.get(start..)?.get(..member.compressed_size)
     };
@@ -82,7 +112,9 @@ fn unfolded(file: &[u8], member: Member) -> Result<Vec<u8>, String> {
     match member.method {
         0 => unfold(stored),
         8 => unfold(flate2::read::DeflateDecoder::new(stored)),
-        other => Err(format!("is compressed with ZIP's method {other}; only stored and deflated are read")),
+        other => Err(format!(
+            "is compressed with ZIP's method {other}; only stored and deflated are read"
+        )),
     }
     .map_err(|reason| format!("cannot be unpacked: {reason}"))
 }
@@ -102,21 +134,46 @@ fn array(bytes: &[u8]) -> Result<Array, String> {
     };
     let (header, data) = split().ok_or("is not an .npy array")?;
     // {'descr': '<f8', 'fortran_order': False, 'shape': (3, 4), }
-    let after = |key: &str| header.split_once(key).map(|(_, rest)| rest.trim_start_matches([':', ' ', '\'']));
-    let dtype = after("'descr'").and_then(|rest| rest.split('\'').next()).ok_or("has no type")?;
+    let after = |key: &str| {
+        header
+            .split_once(key)
+            .map(|(_, rest)| rest.trim_start_matches([':', ' ', '\'']))
+    };
+    let dtype = after("'descr'")
+        .and_then(|rest| rest.split('\'').next())
+        .ok_or("has no type")?;
     let fortran = after("'fortran_order'").is_some_and(|rest| rest.starts_with("True"));
-    let shape = after("'shape'").and_then(|rest| rest.strip_prefix('(')?.split_once(')')).ok_or("has no shape")?.0;
-    let shape = shape.split(',').map(str::trim).filter(|length| !length.is_empty());
-    let shape: Vec<usize> = shape.map(|n| n.parse().map_err(|_| "has no shape")).collect::<Result<_, _>>()?;
+    let shape = after("'shape'")
+        .and_then(|rest| rest.strip_prefix('(')?.split_once(')'))
+        .ok_or("has no shape")?
+        .0;
+    let shape = shape
+        .split(',')
+        .map(str::trim)
+        .filter(|length| !length.is_empty());
+    let shape: Vec<usize> = shape
+        .map(|n| n.parse().map_err(|_| "has no shape"))
+        .collect::<Result<_, _>>()?;
     if fortran && shape.len() > 1 {
         return Err("is in Fortran order; only C order is read".into());
     }
-    let size = shape.iter().try_fold(1usize, |size, &length| size.checked_mul(length));
-    let size = size.filter(|&size| size <= MAX_NUMBERS).ok_or_else(|| format!("has the shape {shape:?}, too large"))?;
-    let numbers = decode(dtype.trim_start_matches(['<', '>', '=', '|']), !dtype.starts_with('>'), data);
+    let size = shape
+        .iter()
+        .try_fold(1usize, |size, &length| size.checked_mul(length));
+    let size = size
+        .filter(|&size| size <= MAX_NUMBERS)
+        .ok_or_else(|| format!("has the shape {shape:?}, too large"))?;
+    let numbers = decode(
+        dtype.trim_start_matches(['<', '>', '=', '|']),
+        !dtype.starts_with('>'),
+        data,
+    );
     let numbers = numbers.ok_or_else(|| format!("holds `{dtype}`; numbers are needed"))?;
     if size != numbers.len() {
-        return Err(format!("has {} numbers for the shape {shape:?}", numbers.len()));
+        return Err(format!(
+            "has {} numbers for the shape {shape:?}",
+            numbers.len()
+        ));
     }
     Ok(Array::new(shape.first().copied().unwrap_or(1), numbers))
 }

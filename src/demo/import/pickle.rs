@@ -1,16 +1,18 @@
 //! A pickle that holds plain data and numpy arrays, read without running any of it.
 //!
-//! Pickle is a program for a small stack machine, and its `GLOBAL` and `REDUCE` call whatever Python function the file
-//! names. This machine knows the instructions that data needs and, by name, the handful of numpy's functions that make
-//! an array; the rest is an error that names it. Objects live in one vector and refer to each other by place, so that
-//! sharing and even cycles cost nothing; nothing here recurses over them.
+//! Pickle is a program for a small stack machine, and its `GLOBAL` and `REDUCE` call whatever
+//! Python function the file names. This machine knows the instructions that data needs and, by
+//! name, the handful of numpy's functions that make an array; the rest is an error that names it.
+//! Objects live in one vector and refer to each other by place, so that sharing and even cycles
+//! cost nothing; nothing here recurses over them.
 
 use std::collections::HashMap;
 
 use super::{MAX_NUMBERS, MAX_UNFOLDED};
 
-/// The most instructions that are followed: some fifty a step for 80,000 steps. Each adds one object, one place on the
-/// stack or one entry of a collection at most, so this bounds them too: to some 400 MiB.
+/// The most instructions that are followed: some fifty a step for 80,000 steps. Each adds one
+/// object, one place on the stack or one entry of a collection at most, so this bounds them too: to
+/// some 400 MiB.
 const MAX_INSTRUCTIONS: usize = 1 << 22;
 
 /// An object's place.
@@ -76,17 +78,28 @@ pub(super) struct Pickle<'a> {
 impl<'a> Pickle<'a> {
     /// Reads `bytes`. Errors: they end early, or use an instruction or function beyond plain data.
     pub(super) fn read(bytes: &'a [u8]) -> Result<Self, String> {
-        let mut machine =
-            Machine { rest: bytes, objects: vec![], stack: vec![], marks: vec![], memo: HashMap::new(), encoded: 0 };
+        let mut machine = Machine {
+            rest: bytes,
+            objects: vec![],
+            stack: vec![],
+            marks: vec![],
+            memo: HashMap::new(),
+            encoded: 0,
+        };
         for _ in 0..MAX_INSTRUCTIONS {
             let code = machine.byte()?;
             if code == b'.' {
                 let root = machine.pop()?;
-                return Ok(Self { objects: machine.objects, root });
+                return Ok(Self {
+                    objects: machine.objects,
+                    root,
+                });
             }
             machine.step(code)?;
         }
-        Err(format!("the pickle has more than {MAX_INSTRUCTIONS} instructions"))
+        Err(format!(
+            "the pickle has more than {MAX_INSTRUCTIONS} instructions"
+        ))
     }
 
     /// The object that was pickled.
@@ -101,9 +114,13 @@ impl<'a> Pickle<'a> {
 
     /// What `object`, a dictionary, has under the text `key`.
     pub(super) fn entry(&self, object: &Object<'a>, key: &str) -> Option<&Object<'a>> {
-        let Object::Dict(entries) = object else { return None };
-        let found =
-            entries.iter().rev().find(|(name, _)| matches!(self.get(*name), Object::Text(text) if *text == key));
+        let Object::Dict(entries) = object else {
+            return None;
+        };
+        let found = entries
+            .iter()
+            .rev()
+            .find(|(name, _)| matches!(self.get(*name), Object::Text(text) if *text == key));
         found.map(|&(_, value)| self.get(value))
     }
 
@@ -111,11 +128,17 @@ impl<'a> Pickle<'a> {
     pub(super) fn numbers(&self, object: &Object<'a>) -> Option<Vec<f64>> {
         match object {
             Object::Array(Some(array)) => {
-                let Object::Bytes(bytes) = self.get(array.bytes) else { return None };
-                let Object::Tuple(shape) = self.get(array.shape) else { return None };
+                let Object::Bytes(bytes) = self.get(array.bytes) else {
+                    return None;
+                };
+                let Object::Tuple(shape) = self.get(array.shape) else {
+                    return None;
+                };
                 let mut size = 1usize;
                 for &length in shape {
-                    let Object::Int(length) = self.get(length) else { return None };
+                    let Object::Int(length) = self.get(length) else {
+                        return None;
+                    };
                     size = size.checked_mul(usize::try_from(*length).ok()?)?;
                 }
                 // In Fortran's order only what has one order alone: vectors.
@@ -129,9 +152,10 @@ impl<'a> Pickle<'a> {
             Object::Scalar { .. } | Object::Int(_) | Object::Float(_) | Object::Bool(_) => {
                 Some(vec![self.number(object)?])
             }
-            Object::List(items) | Object::Tuple(items) => {
-                items.iter().map(|&item| self.number(self.get(item))).collect()
-            }
+            Object::List(items) | Object::Tuple(items) => items
+                .iter()
+                .map(|&item| self.number(self.get(item)))
+                .collect(),
             _ => None,
         }
     }
@@ -143,7 +167,9 @@ impl<'a> Pickle<'a> {
             Object::Float(value) => Some(*value),
             Object::Bool(value) => Some(f64::from(u8::from(*value))),
             Object::Scalar { dtype, bytes } => {
-                let Object::Bytes(bytes) = self.get(*bytes) else { return None };
+                let Object::Bytes(bytes) = self.get(*bytes) else {
+                    return None;
+                };
                 if bytes.len() > 8 {
                     return None;
                 }
@@ -155,7 +181,9 @@ impl<'a> Pickle<'a> {
 
     /// The numbers of type `dtype` that `bytes` are.
     fn decode(&self, dtype: Id, bytes: &[u8]) -> Option<Vec<f64>> {
-        let Object::Dtype { name, little } = *self.get(dtype) else { return None };
+        let Object::Dtype { name, little } = *self.get(dtype) else {
+            return None;
+        };
         super::arrays::decode(name, little, bytes)
     }
 }
@@ -174,7 +202,10 @@ struct Machine<'a> {
 
 impl<'a> Machine<'a> {
     fn take(&mut self, n: usize) -> Result<&'a [u8], String> {
-        let (taken, rest) = self.rest.split_at_checked(n).ok_or("the pickle ends too early")?;
+        let (taken, rest) = self
+            .rest
+            .split_at_checked(n)
+            .ok_or("the pickle ends too early")?;
         self.rest = rest;
         Ok(taken)
     }
@@ -185,7 +216,11 @@ impl<'a> Machine<'a> {
 
     /// A number of `n` bytes, lowest first.
     fn unsigned(&mut self, n: usize) -> Result<u64, String> {
-        Ok(self.take(n)?.iter().rev().fold(0, |value, &byte| value << 8 | u64::from(byte)))
+        Ok(self
+            .take(n)?
+            .iter()
+            .rev()
+            .fold(0, |value, &byte| value << 8 | u64::from(byte)))
     }
 
     /// As many bytes as a number of `n` bytes before them says.
@@ -196,7 +231,11 @@ impl<'a> Machine<'a> {
 
     /// The text up to the end of the line.
     fn line(&mut self) -> Result<&'a str, String> {
-        let end = self.rest.iter().position(|&byte| byte == b'\n').ok_or("the pickle ends too early")?;
+        let end = self
+            .rest
+            .iter()
+            .position(|&byte| byte == b'\n')
+            .ok_or("the pickle ends too early")?;
         let line = text(self.take(end)?)?;
         self.take(1)?;
         Ok(line)
@@ -213,7 +252,9 @@ impl<'a> Machine<'a> {
         if self.stack.len() <= floor {
             return Err("the pickle takes from an empty stack".into());
         }
-        self.stack.pop().ok_or_else(|| "the pickle takes from an empty stack".into())
+        self.stack
+            .pop()
+            .ok_or_else(|| "the pickle takes from an empty stack".into())
     }
 
     /// The top `n` objects.
@@ -231,18 +272,27 @@ impl<'a> Machine<'a> {
 
     /// The object on top of the stack, to be changed.
     fn top(&mut self) -> Result<&mut Object<'a>, String> {
-        let id = *self.stack.last().ok_or("the pickle takes from an empty stack")?;
+        let id = *self
+            .stack
+            .last()
+            .ok_or("the pickle takes from an empty stack")?;
         Ok(&mut self.objects[id])
     }
 
     fn remember(&mut self, key: u64) -> Result<(), String> {
-        let id = *self.stack.last().ok_or("the pickle takes from an empty stack")?;
+        let id = *self
+            .stack
+            .last()
+            .ok_or("the pickle takes from an empty stack")?;
         self.memo.insert(key, id);
         Ok(())
     }
 
     fn recall(&mut self, key: u64) -> Result<(), String> {
-        let id = *self.memo.get(&key).ok_or_else(|| format!("the pickle recalls {key}, which it never made"))?;
+        let id = *self
+            .memo
+            .get(&key)
+            .ok_or_else(|| format!("the pickle recalls {key}, which it never made"))?;
         self.stack.push(id);
         Ok(())
     }
@@ -272,27 +322,49 @@ impl<'a> Machine<'a> {
             // PROTO, FRAME: how it was written.
             0x80 => {
                 let protocol = self.byte()?;
-                if protocol > 5 { Err(format!("the pickle has the unknown protocol {protocol}")) } else { Ok(()) }
+                if protocol > 5 {
+                    Err(format!("the pickle has the unknown protocol {protocol}"))
+                } else {
+                    Ok(())
+                }
             }
             0x95 => self.take(8).map(drop),
             // Single values.
             b'N' => self.push(Object::None),
             0x88 => self.push(Object::Bool(true)),
             0x89 => self.push(Object::Bool(false)),
-            b'K' => self.unsigned(1).and_then(|value| self.push(Object::Int(value as i64))),
-            b'M' => self.unsigned(2).and_then(|value| self.push(Object::Int(value as i64))),
-            b'J' => self.unsigned(4).and_then(|value| self.push(Object::Int(i64::from(value as u32 as i32)))),
+            b'K' => self
+                .unsigned(1)
+                .and_then(|value| self.push(Object::Int(value as i64))),
+            b'M' => self
+                .unsigned(2)
+                .and_then(|value| self.push(Object::Int(value as i64))),
+            b'J' => self
+                .unsigned(4)
+                .and_then(|value| self.push(Object::Int(i64::from(value as u32 as i32)))),
             0x8a => self.long(),
             b'G' => {
                 let bytes = self.unsigned(8)?;
                 self.push(Object::Float(f64::from_bits(bytes.swap_bytes())))
             }
-            0x8c => self.prefixed(1).and_then(|bytes| self.push(Object::Text(text(bytes)?))),
-            b'X' => self.prefixed(4).and_then(|bytes| self.push(Object::Text(text(bytes)?))),
-            0x8d => self.prefixed(8).and_then(|bytes| self.push(Object::Text(text(bytes)?))),
-            b'C' => self.prefixed(1).and_then(|bytes| self.push(Object::Bytes(bytes.to_vec()))),
-            b'B' => self.prefixed(4).and_then(|bytes| self.push(Object::Bytes(bytes.to_vec()))),
-            0x8e => self.prefixed(8).and_then(|bytes| self.push(Object::Bytes(bytes.to_vec()))),
+            0x8c => self
+                .prefixed(1)
+                .and_then(|bytes| self.push(Object::Text(text(bytes)?))),
+            b'X' => self
+                .prefixed(4)
+                .and_then(|bytes| self.push(Object::Text(text(bytes)?))),
+            0x8d => self
+                .prefixed(8)
+                .and_then(|bytes| self.push(Object::Text(text(bytes)?))),
+            b'C' => self
+                .prefixed(1)
+                .and_then(|bytes| self.push(Object::Bytes(bytes.to_vec()))),
+            b'B' => self
+                .prefixed(4)
+                .and_then(|bytes| self.push(Object::Bytes(bytes.to_vec()))),
+            0x8e => self
+                .prefixed(8)
+                .and_then(|bytes| self.push(Object::Bytes(bytes.to_vec()))),
             // Collections.
             b'(' => {
                 self.marks.push(self.stack.len());
@@ -339,13 +411,17 @@ impl<'a> Machine<'a> {
             0x93 => {
                 let names = self.pop_many(2)?;
                 match (&self.objects[names[0]], &self.objects[names[1]]) {
-                    (&Object::Text(module), &Object::Text(name)) => self.push(Object::Global(global(module, name)?)),
+                    (&Object::Text(module), &Object::Text(name)) => {
+                        self.push(Object::Global(global(module, name)?))
+                    }
                     _ => Err("the pickle names a function by something that is not text".into()),
                 }
             }
             b'R' => self.call(),
             b'b' => self.build(),
-            _ => Err(format!("the pickle uses the instruction 0x{code:02x}, which plain data and arrays do not need")),
+            _ => Err(format!(
+                "the pickle uses the instruction 0x{code:02x}, which plain data and arrays do not need"
+            )),
         }
     }
 
@@ -357,7 +433,12 @@ impl<'a> Machine<'a> {
         }
         let negative = bytes.last().is_some_and(|&byte| byte >= 0x80);
         let start = if negative { -1i64 } else { 0 };
-        self.push(Object::Int(bytes.iter().rev().fold(start, |value, &byte| value << 8 | i64::from(byte))))
+        self.push(Object::Int(
+            bytes
+                .iter()
+                .rev()
+                .fold(start, |value, &byte| value << 8 | i64::from(byte)),
+        ))
     }
 
     /// What one of the known functions makes of its arguments.
@@ -375,20 +456,36 @@ impl<'a> Machine<'a> {
             (Global::Dtype, Some(&Object::Text(name)), _) => {
                 // `<f8`, `f8` and, from older numpy, `f8` with the order to come by BUILD.
                 let little = !name.starts_with('>');
-                Object::Dtype { name: name.trim_start_matches(['<', '>', '=', '|']), little }
+                Object::Dtype {
+                    name: name.trim_start_matches(['<', '>', '=', '|']),
+                    little,
+                }
             }
             (Global::Scalar, Some(Object::Dtype { .. }), Some(Object::Bytes(_))) => {
-                Object::Scalar { dtype: arguments[0], bytes: arguments[1] }
+                Object::Scalar {
+                    dtype: arguments[0],
+                    bytes: arguments[1],
+                }
             }
             (Global::Encode, Some(&Object::Text(encoded)), Some(Object::Text("latin1"))) => {
                 self.encoded += encoded.len();
                 if self.encoded > MAX_UNFOLDED {
-                    return Err(format!("the pickle encodes texts of more than {} MiB", MAX_UNFOLDED >> 20));
+                    return Err(format!(
+                        "the pickle encodes texts of more than {} MiB",
+                        MAX_UNFOLDED >> 20
+                    ));
                 }
-                let bytes: Option<_> = encoded.chars().map(|c| u8::try_from(u32::from(c)).ok()).collect();
+                let bytes: Option<_> = encoded
+                    .chars()
+                    .map(|c| u8::try_from(u32::from(c)).ok())
+                    .collect();
                 Object::Bytes(bytes.ok_or("the pickle encodes text that is not latin1")?)
             }
-            _ => return Err(format!("the pickle calls {function:?} in a way that numpy does not")),
+            _ => {
+                return Err(format!(
+                    "the pickle calls {function:?} in a way that numpy does not"
+                ));
+            }
         };
         self.push(made)
     }
@@ -409,7 +506,12 @@ impl<'a> Machine<'a> {
                 Some(Object::Dtype { .. }),
                 Some(&Object::Bool(fortran)),
                 Some(Object::Bytes(_)),
-            ) => Some(Array { shape: state[1], dtype: state[2], fortran, bytes: state[4] }),
+            ) => Some(Array {
+                shape: state[1],
+                dtype: state[2],
+                fortran,
+                bytes: state[4],
+            }),
             _ => None,
         };
         match (self.top()?, order, array) {
@@ -429,11 +531,15 @@ fn text(bytes: &[u8]) -> Result<&str, String> {
 /// The function or class `name` of `module`.
 fn global(module: &str, name: &str) -> Result<Global, String> {
     match (module, name) {
-        ("numpy.core.multiarray" | "numpy._core.multiarray", "_reconstruct") => Ok(Global::Reconstruct),
+        ("numpy.core.multiarray" | "numpy._core.multiarray", "_reconstruct") => {
+            Ok(Global::Reconstruct)
+        }
         ("numpy.core.multiarray" | "numpy._core.multiarray", "scalar") => Ok(Global::Scalar),
         ("numpy", "ndarray") => Ok(Global::Ndarray),
         ("numpy", "dtype") => Ok(Global::Dtype),
         ("_codecs", "encode") => Ok(Global::Encode),
-        _ => Err(format!("the pickle names `{module}.{name}`; numpy's array, scalar and dtype alone are known")),
+        _ => Err(format!(
+            "the pickle names `{module}.{name}`; numpy's array, scalar and dtype alone are known"
+        )),
     }
 }

@@ -1,8 +1,9 @@
 //! The files that the paper's authors published with their later code (github.com/id9502/RLFrame).
 //!
-//! A dictionary with `trajectory`, a list of episodes, each a list of steps with `s` and `a`; and with `filter state
-//! dict`. Actions are raw; states went through the demonstrator's own filter, `clip((x - mean) / std, -5, 5)`, which is
-//! undone with the mean, sum of squared errors and count that the file keeps. What was clipped stays at the clip.
+//! A dictionary with `trajectory`, a list of episodes, each a list of steps with `s` and `a`; and
+//! with `filter state dict`. Actions are raw; states went through the demonstrator's own filter,
+//! `clip((x - mean) / std, -5, 5)`, which is undone with the mean, sum of squared errors and count
+//! that the file keeps. What was clipped stays at the clip.
 
 use std::collections::BTreeSet;
 
@@ -28,7 +29,9 @@ pub(super) fn read(bytes: &[u8], env: EnvId) -> Result<Imported, String> {
     let (mut n, mut looked_at) = (0, 0);
     for (e, &episode) in episodes.iter().enumerate() {
         let Object::List(steps) = pickle.get(episode) else {
-            return Err(format!("episode {e} of the pickle's `trajectory` is not a list"));
+            return Err(format!(
+                "episode {e} of the pickle's `trajectory` is not a list"
+            ));
         };
         if steps.is_empty() {
             continue;
@@ -37,16 +40,28 @@ pub(super) fn read(bytes: &[u8], env: EnvId) -> Result<Imported, String> {
         for (i, &step) in steps.iter().enumerate() {
             let step = pickle.get(step);
             let Object::Dict(entries) = step else {
-                return Err(format!("step {i} of episode {e} in the pickle is not a dictionary"));
+                return Err(format!(
+                    "step {i} of episode {e} in the pickle is not a dictionary"
+                ));
             };
-            // One step may stand in a list many times: what it unfolds to is not bounded by the file's length.
+            // One step may stand in a list many times: what it unfolds to is not bounded by the
+            // file's length.
             looked_at += entries.len() + state_dim.unwrap_or(0) + action_dim.unwrap_or(0);
             if looked_at > MAX_NUMBERS {
-                return Err(format!("the pickle's steps unpack to more than {MAX_NUMBERS} numbers"));
+                return Err(format!(
+                    "the pickle's steps unpack to more than {MAX_NUMBERS} numbers"
+                ));
             }
-            for (key, numbers, dim) in [("s", &mut states, &mut state_dim), ("a", &mut actions, &mut action_dim)] {
-                let found = pickle.entry(step, key).and_then(|object| pickle.numbers(object));
-                let found = found.ok_or_else(|| format!("step {i} of episode {e} has no array of numbers `{key}`"))?;
+            for (key, numbers, dim) in [
+                ("s", &mut states, &mut state_dim),
+                ("a", &mut actions, &mut action_dim),
+            ] {
+                let found = pickle
+                    .entry(step, key)
+                    .and_then(|object| pickle.numbers(object));
+                let found = found.ok_or_else(|| {
+                    format!("step {i} of episode {e} has no array of numbers `{key}`")
+                })?;
                 let dim = *dim.get_or_insert(found.len());
                 if found.len() != dim {
                     return Err(format!(
@@ -75,14 +90,19 @@ pub(super) fn read(bytes: &[u8], env: EnvId) -> Result<Imported, String> {
     if !ignored.is_empty() {
         let names: Vec<&str> = ignored.iter().copied().take(NAMES).collect();
         let more = if ignored.len() > NAMES { " ..." } else { "" };
-        losses.push(format!("steps hold more than states and actions, which is not read: {}{more}", names.join(", ")));
+        losses.push(format!(
+            "steps hold more than states and actions, which is not read: {}{more}",
+            names.join(", ")
+        ));
     }
     let texts = ["env name", "policy", "config", "env config"];
     let text = |key| match pickle.entry(root, key) {
         Some(&Object::Text(text)) => Some(text),
         _ => None,
     };
-    let provenance = texts.iter().filter_map(|&key| Some((key.replace(' ', "_"), text(key)?.to_owned())));
+    let provenance = texts
+        .iter()
+        .filter_map(|&key| Some((key.replace(' ', "_"), text(key)?.to_owned())));
     let mut demonstration = Demonstration {
         observations,
         actions: DMatrix::from_vec(action_dim.unwrap_or(0), n, actions),
@@ -95,7 +115,11 @@ pub(super) fn read(bytes: &[u8], env: EnvId) -> Result<Imported, String> {
     };
     infer_ends(&mut demonstration, env, &mut losses);
     losses.push("rewards and poses are not recorded".into());
-    Ok(Imported { demonstration, losses, warnings: Vec::new() })
+    Ok(Imported {
+        demonstration,
+        losses,
+        warnings: Vec::new(),
+    })
 }
 
 /// Turns filtered states back into raw ones: `x = s std + mean`, `std = sqrt(errsum / (n - 1))`.
@@ -107,18 +131,27 @@ fn unfilter(
 ) -> Result<(), String> {
     let dim = states.nrows();
     let numbers = |key: &str| {
-        let numbers = pickle.entry(filter, key).and_then(|object| pickle.numbers(object));
-        let numbers = numbers.ok_or_else(|| format!("the pickle's filter has no numbers `{key}`"))?;
+        let numbers = pickle
+            .entry(filter, key)
+            .and_then(|object| pickle.numbers(object));
+        let numbers =
+            numbers.ok_or_else(|| format!("the pickle's filter has no numbers `{key}`"))?;
         if numbers.len() == dim {
             Ok(DVector::from_vec(numbers))
         } else {
-            Err(format!("`{key}` of the pickle's filter has {} numbers for states of {dim}", numbers.len()))
+            Err(format!(
+                "`{key}` of the pickle's filter has {} numbers for states of {dim}",
+                numbers.len()
+            ))
         }
     };
     let (mean, squared_errors) = (numbers("zfilter mean")?, numbers("zfilter errsum")?);
-    let count = pickle.entry(filter, "zfilter n_step").and_then(|object| pickle.number(object));
-    let count =
-        count.filter(|&count| count > 1.0).ok_or("the pickle's filter has no count `zfilter n_step` above 1")?;
+    let count = pickle
+        .entry(filter, "zfilter n_step")
+        .and_then(|object| pickle.number(object));
+    let count = count
+        .filter(|&count| count > 1.0)
+        .ok_or("the pickle's filter has no count `zfilter n_step` above 1")?;
     let deviation = squared_errors.map(|sum| (sum / (count - 1.0)).sqrt());
     let clipped = states.iter().filter(|state| state.abs() >= CLIP).count();
     for mut state in states.column_iter_mut() {

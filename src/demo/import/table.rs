@@ -21,7 +21,10 @@ pub(super) fn read(file: Vec<u8>, env: EnvId) -> Result<Imported, String> {
 fn array(table: &Table, name: &str) -> Result<Option<Array>, String> {
     if table.has(name) {
         let (values, width) = table.values(name)?;
-        return Ok(Some(Array::new(values.len().checked_div(width).unwrap_or(0), widened(values, name)?)));
+        return Ok(Some(Array::new(
+            values.len().checked_div(width).unwrap_or(0),
+            widened(values, name)?,
+        )));
     }
     let mut columns = Vec::new();
     while let column = format!("{name}_{}", columns.len())
@@ -30,10 +33,14 @@ fn array(table: &Table, name: &str) -> Result<Option<Array>, String> {
         columns.push(widened(table.flat(&column, "numbers")?, &column)?);
     }
     let rows = table.rows();
-    let numbers = (0..rows).flat_map(|row| columns.iter().map(move |column| column[row])).collect();
+    let numbers = (0..rows)
+        .flat_map(|row| columns.iter().map(move |column| column[row]))
+        .collect();
     Ok((!columns.is_empty()).then(|| Array::new(rows, numbers)))
 }
 
 fn widened(values: Values, name: &str) -> Result<Vec<f64>, String> {
-    values.widened().ok_or_else(|| format!("its column `{name}` holds text; expected numbers"))
+    values
+        .widened()
+        .ok_or_else(|| format!("its column `{name}` holds text; expected numbers"))
 }

@@ -4,7 +4,9 @@ use super::*;
 
 /// Points around `offset` that repeat nothing.
 fn points(dim: usize, n: usize, seed: usize, offset: f32) -> DMatrix<f32> {
-    DMatrix::from_fn(dim, n, |i, j| offset + (((37 * seed + 11 * i + 5 * j * j + 3 * i * j) as f32) * 0.37).sin())
+    DMatrix::from_fn(dim, n, |i, j| {
+        offset + (((37 * seed + 11 * i + 5 * j * j + 3 * i * j) as f32) * 0.37).sin()
+    })
 }
 
 fn k(x: &[f64], y: &[f64], scale: f64) -> f64 {
@@ -12,7 +14,10 @@ fn k(x: &[f64], y: &[f64], scale: f64) -> f64 {
 }
 
 fn widened(points: &DMatrix<f32>) -> Vec<Vec<f64>> {
-    points.column_iter().map(|x| x.iter().map(|&value| f64::from(value)).collect()).collect()
+    points
+        .column_iter()
+        .map(|x| x.iter().map(|&value| f64::from(value)).collect())
+        .collect()
 }
 
 /// The mean kernel value between points of one set.
@@ -29,8 +34,12 @@ fn mean_within(x: &[Vec<f64>], scale: f64, estimator: Estimator) -> f64 {
 
 /// The definition, pair by pair.
 fn by_loops(x: &[Vec<f64>], y: &[Vec<f64>], scale: f64, estimator: Estimator) -> f64 {
-    let cross: f64 = x.iter().flat_map(|a| y.iter().map(|b| k(a, b, scale))).sum();
-    mean_within(x, scale, estimator) - 2.0 * cross / (x.len() * y.len()) as f64 + mean_within(y, scale, estimator)
+    let cross: f64 = x
+        .iter()
+        .flat_map(|a| y.iter().map(|b| k(a, b, scale)))
+        .sum();
+    mean_within(x, scale, estimator) - 2.0 * cross / (x.len() * y.len()) as f64
+        + mean_within(y, scale, estimator)
 }
 
 fn target(y: &DMatrix<f32>, scale: f64, estimator: Estimator) -> Target {
@@ -42,7 +51,12 @@ fn a_sample_that_is_not_a_number_makes_the_mmd_none() {
     let mut samples = points(3, 5, 1, 0.0);
     samples[(1, 2)] = f32::NAN;
     for estimator in [Estimator::V, Estimator::U] {
-        assert!(target(&points(3, 4, 2, 0.0), 0.5, estimator).mmd_squared(&samples).is_nan(), "{estimator:?}");
+        assert!(
+            target(&points(3, 4, 2, 0.0), 0.5, estimator)
+                .mmd_squared(&samples)
+                .is_nan(),
+            "{estimator:?}"
+        );
     }
 }
 
@@ -54,7 +68,8 @@ fn equal_samples_have_no_distance() {
         shuffled.swap_columns(0, 299);
         shuffled.swap_columns(17, 260);
         let v = target(&y, 0.5, Estimator::V).mmd_squared(&shuffled);
-        // 300^2 kernel values in another order, whose sums of 16 round by 1e-7 each, this way and that.
+        // 300^2 kernel values in another order, whose sums of 16 round by 1e-7 each, this way and
+        // that.
         assert!((0.0..1e-9).contains(&v), "{v}");
         assert!(target(&y, 0.5, Estimator::U).mmd_squared(&shuffled) < 0.0);
     }
@@ -65,7 +80,10 @@ fn one_sample_and_one_point_count_with_themselves() {
     let (x, y) = (points(2, 1, 1, 0.0), points(2, 1, 2, 0.0));
     let expected = 2.0 - 2.0 * k(&widened(&x)[0], &widened(&y)[0], 0.5);
     for estimator in [Estimator::V, Estimator::U] {
-        assert!((target(&y, 0.5, estimator).mmd_squared(&x) - expected).abs() < 1e-6, "{estimator:?}");
+        assert!(
+            (target(&y, 0.5, estimator).mmd_squared(&x) - expected).abs() < 1e-6,
+            "{estimator:?}"
+        );
     }
 }
 
@@ -76,11 +94,19 @@ fn mmd_agrees_with_double_loops() {
         let y = points(17, m, 2, offset);
         let near = DMatrix::from_fn(17, n, |i, j| y[(i, j % m)] + 1e-3 * ((i + j) as f32).cos());
         for x in [points(17, n, 3, offset), near] {
-            for (scale, estimator) in [(0.5, Estimator::V), (0.5, Estimator::U), (0.05, Estimator::V)] {
+            for (scale, estimator) in [
+                (0.5, Estimator::V),
+                (0.5, Estimator::U),
+                (0.05, Estimator::V),
+            ] {
                 let expected = by_loops(&widened(&x), &widened(&y), scale, estimator);
                 let got = target(&y, scale, estimator).mmd_squared(&x);
-                // Norms are about 9: 4e-7 (9 + 9) / 2 relative at most for each mean kernel value, which are below 1.
-                assert!((got - expected).abs() < 4e-6, "{n} {m} {offset} {estimator:?}: {got}, expected {expected}");
+                // Norms are about 9: 4e-7 (9 + 9) / 2 relative at most for each mean kernel value,
+                // which are below 1.
+                assert!(
+                    (got - expected).abs() < 4e-6,
+                    "{n} {m} {offset} {estimator:?}: {got}, expected {expected}"
+                );
                 assert!(estimator == Estimator::U || got >= 0.0);
             }
         }
@@ -89,18 +115,29 @@ fn mmd_agrees_with_double_loops() {
 
 #[test]
 fn a_small_mmd_keeps_its_digits() {
-    // As in recovery: every sample 1e-2 beside its own point of the target. 1 % of MMD^2 is what a tolerance needs.
+    // As in recovery: every sample 1e-2 beside its own point of the target. 1 % of MMD^2 is what a
+    // tolerance needs.
     let y = points(23, 400, 4, 0.0);
-    let x = DMatrix::from_fn(23, 400, |i, j| y[(i, j)] + 1e-2 * ((3 * i + j) as f32).cos());
+    let x = DMatrix::from_fn(23, 400, |i, j| {
+        y[(i, j)] + 1e-2 * ((3 * i + j) as f32).cos()
+    });
     let expected = by_loops(&widened(&x), &widened(&y), 0.5, Estimator::V);
     assert!(expected < 1e-5, "{expected}");
     let got = target(&y, 0.5, Estimator::V).mmd_squared(&x);
-    assert!((got - expected).abs() < 0.01 * expected, "{got}, expected {expected}");
+    assert!(
+        (got - expected).abs() < 0.01 * expected,
+        "{got}, expected {expected}"
+    );
 }
 
 #[test]
 fn the_gradient_agrees_with_finite_differences() {
-    for (n, estimator) in [(1, Estimator::V), (5, Estimator::V), (5, Estimator::U), (300, Estimator::V)] {
+    for (n, estimator) in [
+        (1, Estimator::V),
+        (5, Estimator::V),
+        (5, Estimator::U),
+        (300, Estimator::V),
+    ] {
         let (x, y) = (points(4, n, 5, 20.0), points(4, 270, 6, 20.3));
         let target = target(&y, 0.4, estimator);
         let mut gradient = DMatrix::from_element(4, n, f32::NAN);
@@ -117,7 +154,10 @@ fn the_gradient_agrees_with_finite_differences() {
             let expected = (moved(step) - moved(-step)) / (2.0 * step);
             let got = f64::from(gradient[(i, j)]);
             // A gradient is of the order of 1 / n; f32 sums of up to 270 weighted points.
-            assert!((got - expected).abs() < 1e-5 / n as f64, "{n} {estimator:?} ({i}, {j}): {got}, {expected}");
+            assert!(
+                (got - expected).abs() < 1e-5 / n as f64,
+                "{n} {estimator:?} ({i}, {j}): {got}, {expected}"
+            );
         }
     }
 }
@@ -128,21 +168,31 @@ fn the_witness_agrees_with_loops_and_leaves_the_sample_out_under_u() {
         let (x, y) = (points(4, n, 7, 0.0), points(4, 50, 8, 0.3));
         let target = target(&y, 0.5, estimator);
         let mut witness = vec![f64::NAN; n];
-        assert_eq!(target.mmd_squared_witness(&x, &mut witness), target.mmd_squared(&x));
+        assert_eq!(
+            target.mmd_squared_witness(&x, &mut witness),
+            target.mmd_squared(&x)
+        );
         let (x, y) = (widened(&x), widened(&y));
         let left_out = |i, j| i == j && estimator == Estimator::U && n > 1;
         for i in 0..n {
-            let others: Vec<f64> = (0..n).filter(|&j| !left_out(i, j)).map(|j| k(&x[i], &x[j], 0.5)).collect();
+            let others: Vec<f64> = (0..n)
+                .filter(|&j| !left_out(i, j))
+                .map(|j| k(&x[i], &x[j], 0.5))
+                .collect();
             let own = others.iter().sum::<f64>() / others.len() as f64;
             let other = y.iter().map(|y| k(&x[i], y, 0.5)).sum::<f64>() / 50.0;
-            assert!((witness[i] - (own - other)).abs() < 1e-5, "{n} {estimator:?} {i}");
+            assert!(
+                (witness[i] - (own - other)).abs() < 1e-5,
+                "{n} {estimator:?} {i}"
+            );
         }
     }
 }
 
 #[test]
 fn twenty_thousand_points_count_as_what_they_repeat() {
-    // All pairs at once would take 1.6 GB. Each of four points 5,000 times is the same distribution as each once.
+    // All pairs at once would take 1.6 GB. Each of four points 5,000 times is the same distribution
+    // as each once.
     let (x, y) = (points(3, 2, 9, 0.0), points(3, 4, 10, 0.0));
     let many = DMatrix::from_fn(3, 20_000, |i, j| y[(i, j % 4)]);
     let expected = by_loops(&widened(&x), &widened(&y), 0.5, Estimator::V);

@@ -1,11 +1,13 @@
 //! Robots in MuJoCo.
 //!
-//! Owns the engine ([`simulation`], the only place that names `mujoco_rs`), the model's text with the files that it needs, and
-//! the task that a [`Robot`] makes of it. Knows nothing of time limits or of what the sparse rewards pay. Start at
+//! Owns the engine ([`simulation`], the only place that names `mujoco_rs`), the model's text with
+//! the files that it needs, and the task that a [`Robot`] makes of it. Knows nothing of time limits
+//! or of what the sparse rewards pay. Start at
 //! [`RobotEnvironment`].
 //!
-//! The paper's were Gym's of 2019 on MuJoCo 2.0 or 1.5. Today's engine refuses two of those models; Gymnasium's are used, and
-//! Gym's noise, rewards and ends. Trajectories differ from the authors'; uniform actions earn what Table 4 says.
+//! The paper's were Gym's of 2019 on MuJoCo 2.0 or 1.5. Today's engine refuses two of those models;
+//! Gymnasium's are used, and Gym's noise, rewards and ends. Trajectories differ from the authors';
+//! uniform actions earn what Table 4 says.
 
 mod model;
 mod observed;
@@ -42,9 +44,11 @@ pub(super) struct RobotEnvironment {
     simulation: Simulation,
     /// Position along the way at the episode's start.
     start: f64,
-    /// Position along the way after the last step. Kept, since MuJoCo's own may be of a state that is not saved.
+    /// Position along the way after the last step. Kept, since MuJoCo's own may be of a state that
+    /// is not saved.
     position: f64,
-    /// Distance of the goal's body from its target after the last step, kept likewise; 0 where there is no goal.
+    /// Distance of the goal's body from its target after the last step, kept likewise; 0 where
+    /// there is no goal.
     distance: f64,
     /// The controls that scaled actions make.
     controls: Vec<f64>,
@@ -56,13 +60,28 @@ impl RobotEnvironment {
     /// # Errors
     ///
     /// MuJoCo refuses the model, or the model has not what the robot's table names.
-    pub(super) fn new(name: &'static str, tag: f64, robot: &Robot, model: &Model) -> Result<Self, EnvError> {
+    pub(super) fn new(
+        name: &'static str,
+        tag: f64,
+        robot: &Robot,
+        model: &Model,
+    ) -> Result<Self, EnvError> {
         let simulation = Simulation::new(name, model)?;
         let pieces = Pieces::new(name, robot, &simulation)?;
         let controls = vec![0.0; simulation.control_range().len()];
         let (start, position, distance) = (0.0, 0.0, 0.0);
         let noise = robot.initial_noise.clone();
-        let mut environment = Self { name, tag, pieces, noise, simulation, start, position, distance, controls };
+        let mut environment = Self {
+            name,
+            tag,
+            pieces,
+            noise,
+            simulation,
+            start,
+            position,
+            distance,
+            controls,
+        };
         environment.begin(|_| ());
         Ok(environment)
     }
@@ -76,12 +95,23 @@ impl RobotEnvironment {
 
     /// How far the goal's body is from its target, metres; 0 where there is no goal.
     fn goal_distance(&self) -> f64 {
-        self.pieces.goal.map_or(0.0, |goal| goal.distance(&self.simulation))
+        self.pieces
+            .goal
+            .map_or(0.0, |goal| goal.distance(&self.simulation))
     }
 
-    /// The dense reward of a step at `velocity` along the way (m/s), begun `before` metres from the goal.
+    /// The dense reward of a step at `velocity` along the way (m/s), begun `before` metres from the
+    /// goal.
     fn reward(&self, velocity: f64, before: f64, action: &[f64]) -> f64 {
-        let paid = |term| pieces::paid(term, &self.simulation, velocity, [before, self.distance], action);
+        let paid = |term| {
+            pieces::paid(
+                term,
+                &self.simulation,
+                velocity,
+                [before, self.distance],
+                action,
+            )
+        };
         let sum = self.pieces.terms.iter().map(paid).fold(None, |sum, paid| {
             Some(match (sum, paid) {
                 (None, Paid::More(x)) => x,
@@ -94,13 +124,19 @@ impl RobotEnvironment {
     }
 
     fn is_alive(&self) -> bool {
-        self.pieces.alive.iter().all(|(reading, bounds)| bounds.holds(reading.read(&self.simulation)))
+        self.pieces
+            .alive
+            .iter()
+            .all(|(reading, bounds)| bounds.holds(reading.read(&self.simulation)))
     }
 
     /// The parts of the state that MuJoCo does not hold.
     fn kept(&self) -> Vec<f64> {
         let distance = self.pieces.goal.map(|_| self.distance);
-        [self.start, self.position].into_iter().chain(distance).collect()
+        [self.start, self.position]
+            .into_iter()
+            .chain(distance)
+            .collect()
     }
 }
 
@@ -118,7 +154,11 @@ impl Environment for RobotEnvironment {
     }
 
     fn reset(&mut self, rng: &mut Rng, observation: &mut [f64]) {
-        let InitialNoise { positions, velocities, disc } = self.noise.clone();
+        let InitialNoise {
+            positions,
+            velocities,
+            disc,
+        } = self.noise.clone();
         self.begin(|simulation| {
             disturb(simulation.qpos_mut(), positions, rng);
             disturb(simulation.qvel_mut(), velocities, rng);
@@ -140,12 +180,18 @@ impl Environment for RobotEnvironment {
     fn step(&mut self, action: &[f64], observation: &mut [f64]) -> Result<Outcome, EnvError> {
         self.advance(action)?;
         let seconds = self.simulation.time_step() * self.pieces.frame_skip as f64;
-        let before = std::mem::replace(&mut self.position, self.pieces.forward.read(&self.simulation));
+        let before = std::mem::replace(
+            &mut self.position,
+            self.pieces.forward.read(&self.simulation),
+        );
         let velocity = (self.position - before) / seconds;
         let distance = self.goal_distance();
         let before = std::mem::replace(&mut self.distance, distance);
         self.pieces.observe(&self.simulation, observation);
-        Ok(Outcome { reward: self.reward(velocity, before, action), terminated: !self.is_alive() })
+        Ok(Outcome {
+            reward: self.reward(velocity, before, action),
+            terminated: !self.is_alive(),
+        })
     }
 
     fn advance(&mut self, action: &[f64]) -> Result<(), EnvError> {
@@ -156,15 +202,17 @@ impl Environment for RobotEnvironment {
                 check_length(self.name, "the action", action.len(), self.controls.len())?;
                 check_finite(self.name, "the action", action)?;
                 let ranges = self.simulation.control_range();
-                for ((control, action), [low, high]) in self.controls.iter_mut().zip(action).zip(ranges) {
+                for ((control, action), [low, high]) in
+                    self.controls.iter_mut().zip(action).zip(ranges)
+                {
                     *control = low + (high - low) * (action.clamp(-1.0, 1.0) + 1.0) / 2.0;
                 }
                 self.simulation.advance(&self.controls, frame_skip)?;
             }
         }
         if self.pieces.reads_contacts {
-            // Today's MuJoCo computes contact forces on request alone; without this they are 0, as Gym with mujoco-py 2 had
-            // them.
+            // Today's MuJoCo computes contact forces on request alone; without this they are 0, as
+            // Gym with mujoco-py 2 had them.
             self.simulation.update_contact_forces();
         }
         Ok(())
@@ -188,8 +236,18 @@ impl Environment for RobotEnvironment {
     }
 
     fn set_pose(&mut self, pose: &Pose, observation: &mut [f64]) -> Result<(), EnvError> {
-        check_length(self.name, "qpos", pose.qpos.len(), self.simulation.qpos().len())?;
-        check_length(self.name, "qvel", pose.qvel.len(), self.simulation.qvel().len())?;
+        check_length(
+            self.name,
+            "qpos",
+            pose.qpos.len(),
+            self.simulation.qpos().len(),
+        )?;
+        check_length(
+            self.name,
+            "qvel",
+            pose.qvel.len(),
+            self.simulation.qvel().len(),
+        )?;
         check_finite(self.name, "qpos", &pose.qpos)?;
         check_finite(self.name, "qvel", &pose.qvel)?;
         self.begin(|simulation| {
@@ -209,7 +267,12 @@ impl Environment for RobotEnvironment {
 
     fn restore(&mut self, state: &[f64]) -> Result<(), EnvError> {
         let kept = self.kept().len();
-        let state = untag(self.name, self.tag, state, kept + self.simulation.state_len())?;
+        let state = untag(
+            self.name,
+            self.tag,
+            state,
+            kept + self.simulation.state_len(),
+        )?;
         let (kept, simulated) = state.split_at(kept);
         self.simulation.set_state(simulated)?;
         (self.start, self.position) = (kept[0], kept[1]);

@@ -1,7 +1,8 @@
 //! A model's text, and the files beside it that it needs.
 //!
-//! The text is carried wherever its robot goes, so that a run is reproduced whatever has become of the file. Meshes and
-//! textures, which may be large, stay where they are; their digests tell whether they are still what they were.
+//! The text is carried wherever its robot goes, so that a run is reproduced whatever has become of
+//! the file. Meshes and textures, which may be large, stay where they are; their digests tell
+//! whether they are still what they were.
 
 use std::{
     borrow::Cow,
@@ -26,14 +27,19 @@ pub(in crate::env) struct Model {
     pub(super) text: Cow<'static, str>,
     /// Where it stands; absent for one that ships, which needs no other file.
     pub(super) path: Option<PathBuf>,
-    /// The digests of the files that it needs, by their names as the model has them with its folders before.
+    /// The digests of the files that it needs, by their names as the model has them with its
+    /// folders before.
     files: BTreeMap<PathBuf, String>,
 }
 
 impl Model {
     /// One that ships.
     pub(in crate::env) const fn shipped(text: &'static str) -> Self {
-        Self { text: Cow::Borrowed(text), path: None, files: BTreeMap::new() }
+        Self {
+            text: Cow::Borrowed(text),
+            path: None,
+            files: BTreeMap::new(),
+        }
     }
 
     /// The one in the file at `path`, with what it needs.
@@ -42,26 +48,39 @@ impl Model {
     ///
     /// It, or a file that it names, cannot be read.
     pub(in crate::env) fn read(path: &Path) -> Result<Self, String> {
-        let told = |path: &Path, error: std::io::Error| format!("cannot read {}: {error}", path.display());
+        let told =
+            |path: &Path, error: std::io::Error| format!("cannot read {}: {error}", path.display());
         let path = std::path::absolute(path).map_err(|error| told(path, error))?;
-        let text = intake::read(&path, Links::Follow, LONGEST_TEXT).map_err(|error| told(&path, error))?;
-        let text = String::from_utf8(text).map_err(|_| format!("{} is not UTF-8 text", path.display()))?;
+        let text =
+            intake::read(&path, Links::Follow, LONGEST_TEXT).map_err(|error| told(&path, error))?;
+        let text =
+            String::from_utf8(text).map_err(|_| format!("{} is not UTF-8 text", path.display()))?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let mut files = BTreeMap::new();
         let mut waiting = needed(&text);
         while let Some(name) = waiting.pop() {
             let file = folder.join(&name);
-            // What is not there MuJoCo misses in its own words, with the line, if it needs it at all.
-            let Ok(bytes) = intake::read(&file, Links::Follow, LONGEST_FILE) else { continue };
-            let is_model = name.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("xml"));
+            // What is not there MuJoCo misses in its own words, with the line, if it needs it at
+            // all.
+            let Ok(bytes) = intake::read(&file, Links::Follow, LONGEST_FILE) else {
+                continue;
+            };
+            let is_model = name
+                .extension()
+                .is_some_and(|extension| extension.eq_ignore_ascii_case("xml"));
             if files.insert(name, digest(&bytes)).is_none() && is_model {
                 waiting.extend(needed(&String::from_utf8_lossy(&bytes)));
             }
         }
-        Ok(Self { text: text.into(), path: Some(path), files })
+        Ok(Self {
+            text: text.into(),
+            path: Some(path),
+            files,
+        })
     }
 
-    /// What tells it from others: 16 hexadecimal digits of its text and the files that it needs, wherever they stand.
+    /// What tells it from others: 16 hexadecimal digits of its text and the files that it needs,
+    /// wherever they stand.
     pub(in crate::env) fn digest(&self) -> String {
         let mut hasher = blake3::Hasher::new();
         hasher.update(self.text.as_bytes());
@@ -75,13 +94,20 @@ impl Model {
     ///
     /// A file that it needs is no longer what it was.
     pub(super) fn check_files(&self) -> Result<(), String> {
-        let folder = self.path.as_deref().and_then(Path::parent).unwrap_or(Path::new(""));
+        let folder = self
+            .path
+            .as_deref()
+            .and_then(Path::parent)
+            .unwrap_or(Path::new(""));
         for (name, was) in &self.files {
             let file = folder.join(name);
             let bytes = intake::read(&file, Links::Follow, LONGEST_FILE)
                 .map_err(|error| format!("the model needs {}: {error}", file.display()))?;
             if digest(&bytes) != *was {
-                return Err(format!("{}, which the model needs, is not what it was", file.display()));
+                return Err(format!(
+                    "{}, which the model needs, is not what it was",
+                    file.display()
+                ));
             }
         }
         Ok(())
@@ -92,7 +118,8 @@ fn digest(bytes: &[u8]) -> String {
     blake3::hash(bytes).to_hex()[..16].to_owned()
 }
 
-/// The files that the MJCF `text` may need: what its `file` attributes name, in each folder that its compiler looks in.
+/// The files that the MJCF `text` may need: what its `file` attributes name, in each folder that
+/// its compiler looks in.
 fn needed(text: &str) -> Vec<PathBuf> {
     let attributes = attributes(text);
     let folders: Vec<&str> = attributes
@@ -101,8 +128,16 @@ fn needed(text: &str) -> Vec<PathBuf> {
         .map(|(_, value)| *value)
         .chain([""])
         .collect();
-    let files = attributes.iter().filter(|(name, value)| name.starts_with("file") && !value.is_empty());
-    files.flat_map(|(_, file)| folders.iter().map(move |folder| Path::new(folder).join(file))).collect()
+    let files = attributes
+        .iter()
+        .filter(|(name, value)| name.starts_with("file") && !value.is_empty());
+    files
+        .flat_map(|(_, file)| {
+            folders
+                .iter()
+                .map(move |folder| Path::new(folder).join(file))
+        })
+        .collect()
 }
 
 /// The attributes of all elements of the XML `text`, comments apart.
@@ -116,11 +151,22 @@ fn attributes(text: &str) -> Vec<(&str, &str)> {
         }
         rest = inside;
         // Up to the end of the element, a name and its value after the other.
-        while let Some(at) = rest.find(['=', '>']).filter(|at| rest.as_bytes()[*at] == b'=') {
-            let name = rest[..at].trim_end().rsplit(char::is_whitespace).next().unwrap_or_default();
+        while let Some(at) = rest
+            .find(['=', '>'])
+            .filter(|at| rest.as_bytes()[*at] == b'=')
+        {
+            let name = rest[..at]
+                .trim_end()
+                .rsplit(char::is_whitespace)
+                .next()
+                .unwrap_or_default();
             let value = rest[at + 1..].trim_start();
-            let Some(quote) = value.chars().next().filter(|c| ['"', '\''].contains(c)) else { break };
-            let Some((value, after)) = value[1..].split_once(quote) else { break };
+            let Some(quote) = value.chars().next().filter(|c| ['"', '\''].contains(c)) else {
+                break;
+            };
+            let Some((value, after)) = value[1..].split_once(quote) else {
+                break;
+            };
             found.push((name, value));
             rest = after;
         }
@@ -137,7 +183,14 @@ mod tests {
         let text = "<mujoco><!-- <mesh file=\"old.stl\"/> --><compiler meshdir='meshes' angle=\"radian\"/>\n\
                     <include file=\"arm.xml\"/><asset><mesh name = \"a>b\" file = \"arm.stl\" />\n\
                     <texture fileright='right.png' type=\"cube\"/></asset></mujoco>";
-        let expected = ["meshes/arm.xml", "arm.xml", "meshes/arm.stl", "arm.stl", "meshes/right.png", "right.png"];
+        let expected = [
+            "meshes/arm.xml",
+            "arm.xml",
+            "meshes/arm.stl",
+            "arm.stl",
+            "meshes/right.png",
+            "right.png",
+        ];
         assert_eq!(needed(text), expected.map(PathBuf::from));
         assert!(needed("<mujoco file=").is_empty() && needed("<!-- <mesh file='a'/>").is_empty());
     }

@@ -36,7 +36,11 @@ impl Observed {
     /// # Errors
     ///
     /// There are no such numbers.
-    pub(super) fn new(part: &Part, goal: Option<Bodies>, simulation: &Simulation) -> Result<Self, String> {
+    pub(super) fn new(
+        part: &Part,
+        goal: Option<Bodies>,
+        simulation: &Simulation,
+    ) -> Result<Self, String> {
         let (source, range) = match part {
             Part::Positions(range) => (Source::Positions, range),
             Part::Sines(range) => (Source::Sines, range),
@@ -47,15 +51,25 @@ impl Observed {
             Part::Inertias(range) => (Source::Inertias, range),
             Part::BodyVelocities(range) => (Source::BodyVelocities, range),
             Part::ContactForces(range) => (Source::ContactForces, range),
-            Part::FromGoal(range) => (Source::FromGoal(goal.ok_or("`from_goal` needs a `goal`")?), range),
+            Part::FromGoal(range) => (
+                Source::FromGoal(goal.ok_or("`from_goal` needs a `goal`")?),
+                range,
+            ),
         };
         let Range { from, until, clip } = *range;
         let available = source.len(simulation);
         let until = until.unwrap_or(available);
         if until > available || from >= until {
-            return Err(format!("there are {available} numbers; from {from} to before {until} is no part of them"));
+            return Err(format!(
+                "there are {available} numbers; from {from} to before {until} is no part of them"
+            ));
         }
-        Ok(Self { source, from, until, clip: clip.map(|clip| clip.get()) })
+        Ok(Self {
+            source,
+            from,
+            until,
+            clip: clip.map(|clip| clip.get()),
+        })
     }
 
     /// How many numbers it is.
@@ -113,10 +127,16 @@ impl Source {
     }
 }
 
-/// The pose (`nq` positions and `nv` velocities) that `observation`, made of `parts`, is of, and how many numbers at its
-/// beginning tell of positions; the positions before the first one that is observed, which are where on the ground it is, are
+/// The pose (`nq` positions and `nv` velocities) that `observation`, made of `parts`, is of, and
+/// how many numbers at its beginning tell of positions; the positions before the first one that is
+/// observed, which are where on the ground it is, are
 /// 0. `None` where a velocity or any other position is not observed.
-pub(super) fn pose_of(parts: &[Observed], observation: &[f64], nq: usize, nv: usize) -> Option<(Pose, usize)> {
+pub(super) fn pose_of(
+    parts: &[Observed],
+    observation: &[f64],
+    nq: usize,
+    nv: usize,
+) -> Option<(Pose, usize)> {
     let (mut qpos, mut qvel) = (vec![None; nq], vec![None; nv]);
     let (mut sines, mut cosines) = (vec![None; nq], vec![None; nq]);
     let (mut rest, mut leading, mut only_positions) = (observation, 0, true);
@@ -133,7 +153,8 @@ pub(super) fn pose_of(parts: &[Observed], observation: &[f64], nq: usize, nv: us
                 continue;
             }
         };
-        part.told(numbers).for_each(|(i, number)| places[i] = Some(number));
+        part.told(numbers)
+            .for_each(|(i, number)| places[i] = Some(number));
         only_positions &= part.source != Source::Velocities;
         leading += if only_positions { part.len() } else { 0 };
     }
@@ -142,6 +163,9 @@ pub(super) fn pose_of(parts: &[Observed], observation: &[f64], nq: usize, nv: us
     }
     let first = qpos.iter().position(Option::is_some)?;
     qpos[..first].fill(Some(0.0));
-    let pose = Pose { qpos: qpos.into_iter().collect::<Option<_>>()?, qvel: qvel.into_iter().collect::<Option<_>>()? };
+    let pose = Pose {
+        qpos: qpos.into_iter().collect::<Option<_>>()?,
+        qvel: qvel.into_iter().collect::<Option<_>>()?,
+    };
     (leading > 0).then_some((pose, leading))
 }

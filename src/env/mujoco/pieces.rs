@@ -39,7 +39,8 @@ pub(super) enum Controls {
 pub(super) enum Paid {
     /// This much more.
     More(f64),
-    /// This much less. A sum with a negative number would have the same bits; a first term would not be told from 0.
+    /// This much less. A sum with a negative number would have the same bits; a first term would
+    /// not be told from 0.
     Less(f64),
 }
 
@@ -49,15 +50,32 @@ impl Pieces {
     /// # Errors
     ///
     /// The model has not what the table names: which key, and why.
-    pub(super) fn new(name: &str, robot: &Robot, simulation: &Simulation) -> Result<Self, EnvError> {
+    pub(super) fn new(
+        name: &str,
+        robot: &Robot,
+        simulation: &Simulation,
+    ) -> Result<Self, EnvError> {
         let at = |key: &'static str, index: Option<usize>| {
-            move |message: String| EnvError::Robot { env: name.to_owned(), key, index, message }
+            move |message: String| EnvError::Robot {
+                env: name.to_owned(),
+                key,
+                index,
+                message,
+            }
         };
         let read = |measure: &Measure| Reading::new(measure, simulation);
-        let goal = robot.goal.as_ref().map(|goal| Bodies::new(goal, simulation)).transpose();
+        let goal = robot
+            .goal
+            .as_ref()
+            .map(|goal| Bodies::new(goal, simulation))
+            .transpose();
         let goal = goal.map_err(at("goal", None))?;
         let needs_goal = |wanted: bool| {
-            if wanted && goal.is_none() { Err("it needs a `goal`".to_owned()) } else { Ok(()) }
+            if wanted && goal.is_none() {
+                Err("it needs a `goal`".to_owned())
+            } else {
+                Ok(())
+            }
         };
 
         let mut observation = Vec::new();
@@ -88,7 +106,8 @@ impl Pieces {
         let landmark = match &robot.landmark {
             Some(Landmark::Height(measure)) => Some(read(measure).map_err(at("landmark", None))?),
             landmark => {
-                needs_goal(matches!(landmark, Some(Landmark::Goal(_)))).map_err(at("landmark", None))?;
+                needs_goal(matches!(landmark, Some(Landmark::Goal(_))))
+                    .map_err(at("landmark", None))?;
                 None
             }
         };
@@ -99,7 +118,10 @@ impl Pieces {
             both.map_err(at("initial_noise", None))?;
         }
         let reads_contacts = observation.iter().any(Observed::reads_contacts)
-            || robot.dense_reward.iter().any(|term| matches!(term, Term::ContactCost(_)));
+            || robot
+                .dense_reward
+                .iter()
+                .any(|term| matches!(term, Term::ContactCost(_)));
         Ok(Self {
             frame_skip: robot.frame_skip.size(),
             controls: controls(robot.actions, simulation).map_err(at("actions", None))?,
@@ -124,8 +146,8 @@ impl Pieces {
     }
 }
 
-/// What `term`, with what is read for it, gives for a step at `velocity` along the way (m/s), from `distances[0]` metres before
-/// the goal to `distances[1]`, under `action`.
+/// What `term`, with what is read for it, gives for a step at `velocity` along the way (m/s), from
+/// `distances[0]` metres before the goal to `distances[1]`, under `action`.
 pub(super) fn paid(
     (term, reading): &(Term, Option<Reading>),
     simulation: &Simulation,
@@ -136,16 +158,31 @@ pub(super) fn paid(
     match term {
         Term::ForwardVelocity(weight) => Paid::More(weight * velocity),
         Term::Alive(bonus) => Paid::More(*bonus),
-        Term::ControlCost(weight) => Paid::Less(weight.get() * action.iter().map(|a| a * a).sum::<f64>()),
+        Term::ControlCost(weight) => {
+            Paid::Less(weight.get() * action.iter().map(|a| a * a).sum::<f64>())
+        }
         Term::ContactCost(cost) => {
-            let clipped = |f: &f64| cost.clip.map_or(*f, |clip| f.clamp(-clip.get(), clip.get()));
-            let sum: f64 = simulation.contact_forces().iter().map(clipped).map(|f| f * f).sum();
+            let clipped = |f: &f64| {
+                cost.clip
+                    .map_or(*f, |clip| f.clamp(-clip.get(), clip.get()))
+            };
+            let sum: f64 = simulation
+                .contact_forces()
+                .iter()
+                .map(clipped)
+                .map(|f| f * f)
+                .sum();
             let paid = cost.weight.get() * sum;
             Paid::Less(cost.most.map_or(paid, |most| paid.min(most.get())))
         }
-        Term::GoalDistance(cost) => Paid::Less(cost.weight.get() * distances[usize::from(!cost.before)]),
+        Term::GoalDistance(cost) => {
+            Paid::Less(cost.weight.get() * distances[usize::from(!cost.before)])
+        }
         Term::Deviation(cost) => {
-            let off = reading.as_ref().map_or(0.0, |reading| reading.read(simulation)) - cost.from;
+            let off = reading
+                .as_ref()
+                .map_or(0.0, |reading| reading.read(simulation))
+                - cost.from;
             Paid::Less(cost.weight.get() * (off * off))
         }
     }
@@ -160,23 +197,45 @@ fn finite(term: &Term) -> Result<(), String> {
         Term::Deviation(deviation) => deviation.from,
         Term::ControlCost(_) | Term::ContactCost(_) | Term::GoalDistance(_) => return Ok(()),
     };
-    if number.is_finite() { Ok(()) } else { Err(format!("{number} is not a finite number")) }
+    if number.is_finite() {
+        Ok(())
+    } else {
+        Err(format!("{number} is not a finite number"))
+    }
 }
 
 /// # Errors
 ///
 /// `condition` bounds nothing, or holds for no number.
 fn bounded(condition: &Condition) -> Result<(), String> {
-    let Condition { above, below, at_least, at_most, .. } = condition;
-    let given: Vec<f64> = [above, below, at_least, at_most].into_iter().copied().flatten().collect();
+    let Condition {
+        above,
+        below,
+        at_least,
+        at_most,
+        ..
+    } = condition;
+    let given: Vec<f64> = [above, below, at_least, at_most]
+        .into_iter()
+        .copied()
+        .flatten()
+        .collect();
     if given.is_empty() {
         return Err("it has no bound; write `above`, `below`, `at_least` or `at_most`".to_owned());
     }
     if let Some(bound) = given.iter().find(|bound| !bound.is_finite()) {
         return Err(format!("{bound} is not a finite number"));
     }
-    let low = above.iter().chain(at_least).copied().fold(f64::NEG_INFINITY, f64::max);
-    let high = below.iter().chain(at_most).copied().fold(f64::INFINITY, f64::min);
+    let low = above
+        .iter()
+        .chain(at_least)
+        .copied()
+        .fold(f64::NEG_INFINITY, f64::max);
+    let high = below
+        .iter()
+        .chain(at_most)
+        .copied()
+        .fold(f64::INFINITY, f64::min);
     if low < high || (low == high && above.is_none() && below.is_none()) {
         Ok(())
     } else {
@@ -193,10 +252,15 @@ fn controls(actions: Actions, simulation: &Simulation) -> Result<Controls, Strin
     let ranges = simulation.control_range();
     let first = ranges.first().ok_or("the model has no actuators")?;
     if let Some(index) = simulation.control_limited().position(|limited| !limited) {
-        return Err(format!("actuator {index}, counted from 0, has no `ctrlrange` in the model"));
+        return Err(format!(
+            "actuator {index}, counted from 0, has no `ctrlrange` in the model"
+        ));
     }
     let bound = first[1];
-    match (actions, ranges.iter().position(|range| *range != [-bound, bound])) {
+    match (
+        actions,
+        ranges.iter().position(|range| *range != [-bound, bound]),
+    ) {
         (Actions::Scaled, _) => Ok(Controls::Scaled),
         (Actions::Raw, None) => Ok(Controls::Raw { bound }),
         (Actions::Raw, Some(index)) => {

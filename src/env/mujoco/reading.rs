@@ -27,25 +27,38 @@ impl Reading {
         Ok(match measure {
             Measure::Position(i) => Self::Position(within(*i, nq, "positions")?),
             Measure::Velocity(i) => Self::Velocity(within(*i, nv, "velocities")?),
-            Measure::Body(Place { name, axis }) => Self::Body(find(simulation, Named::Body, name)?, number(*axis)),
-            Measure::Site(Place { name, axis }) => Self::Site(find(simulation, Named::Site, name)?, number(*axis)),
+            Measure::Body(Place { name, axis }) => {
+                Self::Body(find(simulation, Named::Body, name)?, number(*axis))
+            }
+            Measure::Site(Place { name, axis }) => {
+                Self::Site(find(simulation, Named::Site, name)?, number(*axis))
+            }
             Measure::CenterOfMass(axis) => Self::CenterOfMass(number(*axis)),
             Measure::Magnitude(from) => Self::Magnitude(within(*from, nq, "positions")?),
             Measure::Poles(poles) => {
                 let (angles, lengths) = (poles.angles.len(), poles.lengths.len());
                 if angles != lengths || angles == 0 {
-                    return Err(format!("{angles} angles and {lengths} lengths are not one of each for every pole"));
+                    return Err(format!(
+                        "{angles} angles and {lengths} lengths are not one of each for every pole"
+                    ));
                 }
                 let pole = |(angle, length): (&usize, &crate::quantity::Positive)| {
                     Ok((within(*angle, nq, "positions")?, length.get()))
                 };
-                Self::Poles(poles.angles.iter().zip(&poles.lengths).map(pole).collect::<Result<_, String>>()?)
+                Self::Poles(
+                    poles
+                        .angles
+                        .iter()
+                        .zip(&poles.lengths)
+                        .map(pole)
+                        .collect::<Result<_, String>>()?,
+                )
             }
         })
     }
 
-    /// The number now. Bodies, sites and the centre of mass are where they were at the last evaluation of the dynamics, up to
-    /// one of the model's own steps ago, as in Gym.
+    /// The number now. Bodies, sites and the centre of mass are where they were at the last
+    /// evaluation of the dynamics, up to one of the model's own steps ago, as in Gym.
     pub(super) fn read(&self, simulation: &Simulation) -> f64 {
         let (qpos, qvel) = (simulation.qpos(), simulation.qvel());
         match self {
@@ -54,9 +67,10 @@ impl Reading {
             Self::Body(id, axis) => simulation.body_position(*id)[*axis],
             Self::Site(id, axis) => simulation.site_position(*id)[*axis],
             Self::CenterOfMass(axis) => simulation.center_of_mass(*axis),
-            Self::Magnitude(from) => {
-                qpos[*from..].iter().chain(qvel).fold(0.0, |greatest: f64, x| greatest.max(x.abs()))
-            }
+            Self::Magnitude(from) => qpos[*from..]
+                .iter()
+                .chain(qvel)
+                .fold(0.0, |greatest: f64, x| greatest.max(x.abs())),
             Self::Poles(poles) => {
                 let mut angle = 0.0;
                 poles.iter().fold(0.0, |height, (i, length)| {
@@ -83,18 +97,28 @@ impl Bodies {
     /// The model has no such body.
     pub(super) fn new(goal: &Goal, simulation: &Simulation) -> Result<Self, String> {
         let find = |name| find(simulation, Named::Body, name);
-        Ok(Self { body: find(&goal.body)?, target: find(&goal.target)? })
+        Ok(Self {
+            body: find(&goal.body)?,
+            target: find(&goal.target)?,
+        })
     }
 
     /// From the target to the body, metres.
     pub(super) fn offset(self, simulation: &Simulation) -> [f64; 3] {
-        let (body, target) = (simulation.body_position(self.body), simulation.body_position(self.target));
+        let (body, target) = (
+            simulation.body_position(self.body),
+            simulation.body_position(self.target),
+        );
         [0, 1, 2].map(|axis| body[axis] - target[axis])
     }
 
     /// Between the two, metres.
     pub(super) fn distance(self, simulation: &Simulation) -> f64 {
-        self.offset(simulation).iter().map(|x| x * x).sum::<f64>().sqrt()
+        self.offset(simulation)
+            .iter()
+            .map(|x| x * x)
+            .sum::<f64>()
+            .sqrt()
     }
 }
 
@@ -105,7 +129,13 @@ impl Bodies {
 /// There are not so many.
 pub(super) fn within(i: usize, count: usize, what: &str) -> Result<usize, String> {
     let last = count.saturating_sub(1);
-    if i < count { Ok(i) } else { Err(format!("the model has {count} {what}, 0 to {last}, and no number {i}")) }
+    if i < count {
+        Ok(i)
+    } else {
+        Err(format!(
+            "the model has {count} {what}, 0 to {last}, and no number {i}"
+        ))
+    }
 }
 
 fn find(simulation: &Simulation, kind: Named, name: &str) -> Result<usize, String> {
@@ -114,9 +144,20 @@ fn find(simulation: &Simulation, kind: Named, name: &str) -> Result<usize, Strin
         Named::Site => "site",
     };
     simulation.find(kind, name).ok_or_else(|| {
-        let names: Vec<String> = simulation.names(kind).iter().map(|name| format!("`{name}`")).collect();
-        let known = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
-        format!("the model has no {what} `{}`; it has {known}", name.escape_debug())
+        let names: Vec<String> = simulation
+            .names(kind)
+            .iter()
+            .map(|name| format!("`{name}`"))
+            .collect();
+        let known = if names.is_empty() {
+            "none".to_owned()
+        } else {
+            names.join(", ")
+        };
+        format!(
+            "the model has no {what} `{}`; it has {known}",
+            name.escape_debug()
+        )
     })
 }
 

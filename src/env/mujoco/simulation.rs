@@ -26,13 +26,19 @@ impl Simulation {
     ///
     /// # Errors
     ///
-    /// The library is of another version, or refuses the model; a file that the model needs is not as it was.
+    /// The library is of another version, or refuses the model; a file that the model needs is not
+    /// as it was.
     pub(super) fn new(env: &'static str, model: &Model) -> Result<Self, EnvError> {
         send_messages_to_the_log();
-        let refused = |message: String| EnvError::Engine { env: env.to_owned(), message };
+        let refused = |message: String| EnvError::Engine {
+            env: env.to_owned(),
+            message,
+        };
         let version = mujoco_rs::mujoco_version();
         if version != ENGINE_VERSION {
-            return Err(refused(format!("the library's version is {version}; {ENGINE_VERSION} is needed")));
+            return Err(refused(format!(
+                "the library's version is {version}; {ENGINE_VERSION} is needed"
+            )));
         }
         model.check_files().map_err(|message| EnvError::Robot {
             env: env.to_owned(),
@@ -44,7 +50,8 @@ impl Simulation {
             None => MjModel::from_xml_string(&model.text).map_err(said),
             Some(path) => from_text_at(&model.text, path),
         };
-        let data = MjData::try_new(Box::new(loaded.map_err(refused)?)).map_err(|error| refused(said(error)))?;
+        let data = MjData::try_new(Box::new(loaded.map_err(refused)?))
+            .map_err(|error| refused(said(error)))?;
         Ok(Self { env, data })
     }
 
@@ -89,7 +96,9 @@ impl Simulation {
             Named::Body => (MjtObjBase::mjOBJ_BODY, self.data.xpos().len()),
             Named::Site => (MjtObjBase::mjOBJ_SITE, self.data.site_xpos().len()),
         };
-        (0..count).filter_map(|id| model.id_to_name(kind, id)).collect()
+        (0..count)
+            .filter_map(|id| model.id_to_name(kind, id))
+            .collect()
     }
 
     /// Forces of the constraints on the joints.
@@ -115,27 +124,34 @@ impl Simulation {
     /// A coordinate of the whole model's centre of mass at the last evaluation of the dynamics.
     pub(super) fn center_of_mass(&self, axis: usize) -> f64 {
         let masses = self.data.model().body_mass();
-        let moment: f64 = masses.iter().zip(self.data.xipos()).map(|(mass, position)| mass * position[axis]).sum();
+        let moment: f64 = masses
+            .iter()
+            .zip(self.data.xipos())
+            .map(|(mass, position)| mass * position[axis])
+            .sum();
         moment / masses.iter().sum::<f64>()
     }
 
-    /// Torque and force of the contacts on each body; [`update_contact_forces`](Self::update_contact_forces) computes them.
+    /// Torque and force of the contacts on each body;
+    /// [`update_contact_forces`](Self::update_contact_forces) computes them.
     pub(super) fn contact_forces(&self) -> &[f64] {
         self.data.cfrc_ext().as_flattened()
     }
 
-    /// Where the origin of body `index` was at the last evaluation of the dynamics (up to one `mj_step` behind `qpos`).
+    /// Where the origin of body `index` was at the last evaluation of the dynamics (up to one
+    /// `mj_step` behind `qpos`).
     pub(super) fn body_position(&self, index: usize) -> [f64; 3] {
         self.data.xpos()[index]
     }
 
-    /// Where site `index` was at the last evaluation of the dynamics (up to one `mj_step` behind `qpos`).
+    /// Where site `index` was at the last evaluation of the dynamics (up to one `mj_step` behind
+    /// `qpos`).
     pub(super) fn site_position(&self, index: usize) -> [f64; 3] {
         self.data.site_xpos()[index]
     }
 
-    /// Puts everything back to the model's start, lets `disturb` change positions and velocities, and evaluates the
-    /// dynamics there.
+    /// Puts everything back to the model's start, lets `disturb` change positions and velocities,
+    /// and evaluates the dynamics there.
     pub(super) fn start(&mut self, disturb: impl FnOnce(&mut Self)) {
         self.data.reset();
         disturb(self);
@@ -154,8 +170,10 @@ impl Simulation {
 
     /// Steps `times` under `action`, which MuJoCo clamps to the controls' range.
     ///
-    /// Errors: the action has a wrong length or is not finite; the state diverged, upon which MuJoCo has put it back
-    /// to the model's start.
+    /// # Errors
+    ///
+    /// The action has a wrong length or is not finite; the state diverged, upon which MuJoCo has
+    /// put it back to the model's start.
     pub(super) fn advance(&mut self, action: &[f64], times: usize) -> Result<(), EnvError> {
         let controls = self.data.ctrl_mut();
         check_length(self.env, "the action", action.len(), controls.len())?;
@@ -164,13 +182,20 @@ impl Simulation {
         for _ in 0..times {
             self.data.step();
         }
-        let warned = [MjtWarning::mjWARN_BADQPOS, MjtWarning::mjWARN_BADQVEL, MjtWarning::mjWARN_BADQACC]
-            .iter()
-            .any(|&warning| self.data.warning()[warning as usize].number > 0);
+        let warned = [
+            MjtWarning::mjWARN_BADQPOS,
+            MjtWarning::mjWARN_BADQVEL,
+            MjtWarning::mjWARN_BADQACC,
+        ]
+        .iter()
+        .any(|&warning| self.data.warning()[warning as usize].number > 0);
         // MuJoCo looks at a state when it leaves it, so the last one is still to be looked at.
         let outside = |x: &f64| x.is_nan() || x.abs() > MAX_MAGNITUDE;
         if warned || self.qpos().iter().chain(self.qvel()).any(outside) {
-            return Err(EnvError::Diverged { env: self.env.to_owned(), action: action.to_vec() });
+            return Err(EnvError::Diverged {
+                env: self.env.to_owned(),
+                action: action.to_vec(),
+            });
         }
         Ok(())
     }
@@ -182,7 +207,10 @@ impl Simulation {
 
     /// Positions and velocities.
     pub(super) fn pose(&self) -> Pose {
-        Pose { qpos: self.qpos().to_vec(), qvel: self.qvel().to_vec() }
+        Pose {
+            qpos: self.qpos().to_vec(),
+            qvel: self.qvel().to_vec(),
+        }
     }
 
     /// Length of a saved state.
@@ -197,11 +225,15 @@ impl Simulation {
 
     /// Puts back what [`state`](Self::state) gave.
     pub(super) fn set_state(&mut self, state: &[f64]) -> Result<(), EnvError> {
-        // Counters of warnings belong to no state, and an earlier divergence must not be taken for one of this state.
+        // Counters of warnings belong to no state, and an earlier divergence must not be taken for
+        // one of this state.
         self.data.reset();
         self.data
             .set_state(state, STATE)
-            .map_err(|error| EnvError::Engine { env: self.env.to_owned(), message: said(error) })
+            .map_err(|error| EnvError::Engine {
+                env: self.env.to_owned(),
+                message: said(error),
+            })
     }
 }
 
@@ -226,20 +258,25 @@ fn said(error: impl fmt::Display) -> String {
     error.to_string()
 }
 
-/// Sends what MuJoCo says to `tracing`: by itself it prints, and writes MUJOCO_LOG.TXT into the working directory.
+/// Sends what MuJoCo says to `tracing`: by itself it prints, and writes MUJOCO_LOG.TXT into the
+/// working directory.
 fn send_messages_to_the_log() {
     static SENT: Once = Once::new();
     fn log(message: &MjLogMessage) {
         match message.level() {
             MjtLogLevel::mjLOG_ERROR => tracing::error!(target: "mujoco", "{}", message.subject()),
-            // Deprecated attributes of the models, and divergence, which `advance` returns as an error.
+            // Deprecated attributes of the models, and divergence, which `advance` returns as an
+            // error.
             _ => tracing::debug!(target: "mujoco", "{}", message.subject()),
         }
     }
-    #[expect(unsafe_code, reason = "MuJoCo's handler is a global, and the wrapper leaves the guarding of it to us")]
+    #[expect(
+        unsafe_code,
+        reason = "MuJoCo's handler is a global, and the wrapper leaves the guarding of it to us"
+    )]
     SENT.call_once(|| {
-        // SAFETY: no other thread may use MuJoCo meanwhile; this crate enters MuJoCo by `Simulation::new` alone, which
-        // waits here until the handler is set.
+        // SAFETY: no other thread may use MuJoCo meanwhile; this crate enters MuJoCo by
+        // `Simulation::new` alone, which waits here until the handler is set.
         unsafe { mujoco_rs::logging::set_log_handler(log) }
     });
 }

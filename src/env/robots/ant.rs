@@ -5,7 +5,8 @@ use std::sync::{LazyLock, OnceLock};
 use crate::env::catalog::{Body, Descriptor, Version, metres, shipped};
 
 const ANT4: &str = "v4 observes 27 numbers instead of 111: the contact forces are left out unless they are asked for";
-const ANT5: &str = "v5 observes 105 numbers instead of 111, and pays no 1 for the step in which it falls";
+const ANT5: &str =
+    "v5 observes 105 numbers instead of 111, and pays no 1 for the step in which it falls";
 
 pub(in crate::env) static DESCRIPTOR: Descriptor = Descriptor {
     name: "Ant-v2",
@@ -24,4 +25,7 @@ pub(in crate::env) static DESCRIPTOR: Descriptor = Descriptor {
     spaces: OnceLock::new(),
 };
 
-const MODEL: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/third_party/models/ant.xml"));
+const MODEL: &str = include_str!(concat!(
+    env!("CARGO_MANIFEST_DIR"),
+    "/third_party/models/ant.xml"
+));

@@ -17,8 +17,13 @@ pub(in crate::env) static DESCRIPTOR: Descriptor = Descriptor {
         Version::same(4),
         Version::other(5, "v5 pays no 1 for the step in which it falls").not_paying(1.0),
     ],
-    body: Body::Robot(LazyLock::new(|| shipped(include_str!("hopper.toml"), MODEL))),
+    body: Body::Robot(LazyLock::new(|| {
+        shipped(include_str!("hopper.toml"), MODEL)
+    })),
     spaces: OnceLock::new(),
 };
 
-const MODEL: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/third_party/models/hopper.xml"));
+const MODEL: &str = include_str!(concat!(
+    env!("CARGO_MANIFEST_DIR"),
+    "/third_party/models/hopper.xml"
+));

@@ -4,7 +4,8 @@ use std::sync::{LazyLock, OnceLock};
 
 use crate::env::catalog::{Body, Descriptor, Version, metres, shipped};
 
-const HUMANOID5: &str = "v5 observes 348 numbers instead of 376, and pays no 5 for the step in which it falls";
+const HUMANOID5: &str =
+    "v5 observes 348 numbers instead of 376, and pays no 5 for the step in which it falls";
 
 pub(in crate::env) static DESCRIPTOR: Descriptor = Descriptor {
     name: "Humanoid-v2",
@@ -19,8 +20,13 @@ pub(in crate::env) static DESCRIPTOR: Descriptor = Descriptor {
         Version::other(4, "v4 has no cost of contacts"),
         Version::other(5, HUMANOID5).observing(348).not_paying(5.0),
     ],
-    body: Body::Robot(LazyLock::new(|| shipped(include_str!("humanoid.toml"), MODEL))),
+    body: Body::Robot(LazyLock::new(|| {
+        shipped(include_str!("humanoid.toml"), MODEL)
+    })),
     spaces: OnceLock::new(),
 };
 
-const MODEL: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/third_party/models/humanoid.xml"));
+const MODEL: &str = include_str!(concat!(
+    env!("CARGO_MANIFEST_DIR"),
+    "/third_party/models/humanoid.xml"
+));

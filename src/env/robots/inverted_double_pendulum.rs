@@ -22,5 +22,7 @@ pub(in crate::env) static DESCRIPTOR: Descriptor = Descriptor {
     spaces: OnceLock::new(),
 };
 
-const MODEL: &str =
-    include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/third_party/models/inverted_double_pendulum.xml"));
+const MODEL: &str = include_str!(concat!(
+    env!("CARGO_MANIFEST_DIR"),
+    "/third_party/models/inverted_double_pendulum.xml"
+));

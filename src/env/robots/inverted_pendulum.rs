@@ -14,10 +14,19 @@ pub(in crate::env) static DESCRIPTOR: Descriptor = Descriptor {
     is_f32_in_gymnasium: false,
     versions: &[
         Version::same(4),
-        Version::other(5, "v5 pays 0 instead of 1 for the step in which the pole falls").not_paying(1.0),
+        Version::other(
+            5,
+            "v5 pays 0 instead of 1 for the step in which the pole falls",
+        )
+        .not_paying(1.0),
     ],
-    body: Body::Robot(LazyLock::new(|| shipped(include_str!("inverted_pendulum.toml"), MODEL))),
+    body: Body::Robot(LazyLock::new(|| {
+        shipped(include_str!("inverted_pendulum.toml"), MODEL)
+    })),
     spaces: OnceLock::new(),
 };
 
-const MODEL: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/third_party/models/inverted_pendulum.xml"));
+const MODEL: &str = include_str!(concat!(
+    env!("CARGO_MANIFEST_DIR"),
+    "/third_party/models/inverted_pendulum.xml"
+));

@@ -13,8 +13,13 @@ pub(in crate::env) static DESCRIPTOR: Descriptor = Descriptor {
     microseconds: 20.0,
     is_f32_in_gymnasium: false,
     versions: &[Version::same(3), Version::same(4), Version::same(5)],
-    body: Body::Robot(LazyLock::new(|| shipped(include_str!("swimmer.toml"), MODEL))),
+    body: Body::Robot(LazyLock::new(|| {
+        shipped(include_str!("swimmer.toml"), MODEL)
+    })),
     spaces: OnceLock::new(),
 };
 
-const MODEL: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/third_party/models/swimmer.xml"));
+const MODEL: &str = include_str!(concat!(
+    env!("CARGO_MANIFEST_DIR"),
+    "/third_party/models/swimmer.xml"
+));

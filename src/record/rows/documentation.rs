@@ -5,16 +5,26 @@ use std::fmt::Write;
 use super::keys;
 use crate::measured::{Cell, Column, Role, evaluations, progress};
 
-/// The text of `experiments/columns.md`: every column of the Parquet files, with its type, unit and meaning.
+/// The text of `experiments/columns.md`: every column of the Parquet files, with its type, unit and
+/// meaning.
 pub fn documentation() -> String {
     let sections = [
         ("What every row begins with", rows(keys::COLUMNS)),
-        ("`progress.parquet`: one row an iteration", rows(progress::COLUMNS)),
-        ("`evaluations.parquet`: one row an evaluation episode", rows(evaluations::COLUMNS)),
+        (
+            "`progress.parquet`: one row an iteration",
+            rows(progress::COLUMNS),
+        ),
+        (
+            "`evaluations.parquet`: one row an evaluation episode",
+            rows(evaluations::COLUMNS),
+        ),
     ];
     let mut text = INTRODUCTION.to_owned();
     for (title, rows) in sections {
-        let _ = write!(text, "\n## {title}\n\n| column | type | unit | what it says |\n|---|---|---|---|\n{rows}");
+        let _ = write!(
+            text,
+            "\n## {title}\n\n| column | type | unit | what it says |\n|---|---|---|---|\n{rows}"
+        );
     }
     text
 }
@@ -35,8 +45,15 @@ fn rows<R>(columns: &[&Column<R>]) -> String {
 }
 
 fn row<R>(column: &Column<R>) -> String {
-    let alias = column.alias.map(|alias| format!(", in a matrix file also `{alias}`")).unwrap_or_default();
-    let clock = if column.role == Role::Clock { " (by a clock)" } else { "" };
+    let alias = column
+        .alias
+        .map(|alias| format!(", in a matrix file also `{alias}`"))
+        .unwrap_or_default();
+    let clock = if column.role == Role::Clock {
+        " (by a clock)"
+    } else {
+        ""
+    };
     let kind = match column.cell {
         Cell::Whole(_) => "whole number",
         Cell::Number(_) => "number",
@@ -46,5 +63,8 @@ fn row<R>(column: &Column<R>) -> String {
         Cell::MaybeNumber(_) => "number or null",
         Cell::MaybeWord(_) => "word or null",
     };
-    format!("| `{}`{alias} | {kind} | {} | {}{clock} |\n", column.name, column.unit, column.meaning)
+    format!(
+        "| `{}`{alias} | {kind} | {} | {}{clock} |\n",
+        column.name, column.unit, column.meaning
+    )
 }

@@ -11,7 +11,10 @@ use crate::{
 
 /// The columns of `rows`, in the catalogue's order.
 pub(super) fn to_columns<R>(columns: &[&Column<R>], rows: &[R]) -> Vec<Series> {
-    columns.iter().map(|column| to_column(column, rows)).collect()
+    columns
+        .iter()
+        .map(|column| to_column(column, rows))
+        .collect()
 }
 
 fn to_column<R>(column: &Column<R>, rows: &[R]) -> Series {
@@ -39,7 +42,9 @@ where
 
 /// The first rows of a table, `most` at most.
 ///
-/// Errors: a column is missing or of another type, or a cell is null that may not be.
+/// # Errors
+///
+/// A column is missing or of another type, or a cell is null that may not be.
 pub(super) fn to_rows<R: Default + Clone>(
     columns: &[&Column<R>],
     table: &Table,
@@ -53,7 +58,8 @@ pub(super) fn to_rows<R: Default + Clone>(
     for column in columns {
         let cells = table.cells(column.name)?;
         rows.resize(table.rows().min(most), R::default()); // there are as many cells as the table claims rows
-        fill(&mut rows, column, cells).map_err(|reason| format!("its column `{}` {reason}", column.name))?;
+        fill(&mut rows, column, cells)
+            .map_err(|reason| format!("its column `{}` {reason}", column.name))?;
     }
     Ok(rows)
 }
@@ -62,16 +68,37 @@ pub(super) fn to_rows<R: Default + Clone>(
 fn fill<R>(rows: &mut [R], column: &Column<R>, cells: Cells) -> Result<(), String> {
     let text = |cell: Option<Arc<str>>| cell.map(|text| text.to_string());
     match (&column.cell, cells) {
-        (Cell::Whole(field), Cells::Unsigned(cells)) => put(rows, field, required(cells, rows.len())?),
-        (Cell::Number(field), Cells::Numbers(cells)) => put(rows, field, required(cells, rows.len())?),
-        (Cell::Truth(field), Cells::Truths(cells)) => put(rows, field, required(cells, rows.len())?),
+        (Cell::Whole(field), Cells::Unsigned(cells)) => {
+            put(rows, field, required(cells, rows.len())?)
+        }
+        (Cell::Number(field), Cells::Numbers(cells)) => {
+            put(rows, field, required(cells, rows.len())?)
+        }
+        (Cell::Truth(field), Cells::Truths(cells)) => {
+            put(rows, field, required(cells, rows.len())?)
+        }
         (Cell::Word(field), Cells::Texts(cells)) => {
-            put(rows, field, required(cells, rows.len())?.iter().map(|text| text.to_string()).collect());
+            put(
+                rows,
+                field,
+                required(cells, rows.len())?
+                    .iter()
+                    .map(|text| text.to_string())
+                    .collect(),
+            );
         }
         (Cell::MaybeWhole(field), Cells::Unsigned(cells)) => put(rows, field, cells),
         (Cell::MaybeNumber(field), Cells::Numbers(cells)) => put(rows, field, cells),
-        (Cell::MaybeWord(field), Cells::Texts(cells)) => put(rows, field, cells.into_iter().map(text).collect()),
-        (_, other) => return Err(format!("holds {}; expected {}", other.name(), expected(column))),
+        (Cell::MaybeWord(field), Cells::Texts(cells)) => {
+            put(rows, field, cells.into_iter().map(text).collect())
+        }
+        (_, other) => {
+            return Err(format!(
+                "holds {}; expected {}",
+                other.name(),
+                expected(column)
+            ));
+        }
     }
     Ok(())
 }

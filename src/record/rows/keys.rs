@@ -27,7 +27,8 @@ pub struct Keys {
     pub epsilon: Option<f64>,
     /// [`SEED`].
     pub seed: u64,
-    /// The other axes of the run's experiment, each a column of its own between these and the row's.
+    /// The other axes of the run's experiment, each a column of its own between these and the
+    /// row's.
     pub axes: BTreeMap<String, AxisValue>,
 }
 
@@ -63,14 +64,18 @@ impl From<&RunSpec> for Keys {
     }
 }
 
-/// What goes before the name of an axis that another column has: the axis `cg_iterations` is what was allowed, the column
-/// `cg_iterations` what was taken; the column `d` holds numbers alone.
+/// What goes before the name of an axis that another column has: the axis `cg_iterations` is what
+/// was allowed, the column `cg_iterations` what was taken; the column `d` holds numbers alone.
 const AXIS: &str = "axis.";
 
 /// The column of the axis `key`, the same in both tables.
 fn axis_column(key: &str) -> String {
     let taken = COLUMNS.iter().any(|column| column.name == key) || measured::is_column(key);
-    if taken { format!("{AXIS}{key}") } else { key.to_owned() }
+    if taken {
+        format!("{AXIS}{key}")
+    } else {
+        key.to_owned()
+    }
 }
 
 /// The columns of `keys`, and then of its axes, of `height` rows.
@@ -91,17 +96,32 @@ pub(super) fn to_columns(keys: &Keys, height: usize) -> Vec<polars::prelude::Col
 
 /// The keys of a table, by its first row.
 ///
-/// Errors: it has no rows, or a key's column is missing or of another type.
+/// # Errors
+///
+/// It has no rows, or a key's column is missing or of another type.
 pub(super) fn of(table: &Table) -> Result<Keys, String> {
     let rows = frame::to_rows(COLUMNS, table, 1)?;
-    let keys: Keys = rows.into_iter().next().ok_or_else(|| "it has no rows".to_owned())?;
-    Ok(Keys { axes: axes_of(table)?, ..keys })
+    let keys: Keys = rows
+        .into_iter()
+        .next()
+        .ok_or_else(|| "it has no rows".to_owned())?;
+    Ok(Keys {
+        axes: axes_of(table)?,
+        ..keys
+    })
 }
 
 /// The axes of a table, by its first row.
 fn axes_of(table: &Table) -> Result<BTreeMap<String, AxisValue>, String> {
-    let names = table.columns().into_iter().skip_while(|name| *name != SEED.name).skip(1);
-    let of_rows = [measured::progress::COLUMNS[0].name, measured::evaluations::COLUMNS[0].name];
+    let names = table
+        .columns()
+        .into_iter()
+        .skip_while(|name| *name != SEED.name)
+        .skip(1);
+    let of_rows = [
+        measured::progress::COLUMNS[0].name,
+        measured::evaluations::COLUMNS[0].name,
+    ];
     let mut axes = BTreeMap::new();
     // They end where the row's quantities begin.
     for name in names.take_while(|name| !of_rows.contains(name)) {
@@ -114,7 +134,10 @@ fn axes_of(table: &Table) -> Result<BTreeMap<String, AxisValue>, String> {
             Cells::Truths(cells) => AxisValue::Truth(first(cells)),
             Cells::Texts(cells) => AxisValue::Text(first(cells).map(|text| text.to_string())),
             other @ Cells::Unsigned(_) => {
-                return Err(format!("its column `{name}` holds {}; no axis does", other.name()));
+                return Err(format!(
+                    "its column `{name}` holds {}; no axis does",
+                    other.name()
+                ));
             }
         };
         axes.insert(name.strip_prefix(AXIS).unwrap_or(name).to_owned(), value);

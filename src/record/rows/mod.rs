@@ -1,10 +1,13 @@
-//! `progress.parquet` and `evaluations.parquet`: one row an iteration, one row an evaluation episode.
+//! `progress.parquet` and `evaluations.parquet`: one row an iteration, one row an evaluation
+//! episode.
 //!
-//! Every row begins with its run's keys, and every file has the same columns of the same types whatever the algorithm, so
-//! that all of them can be scanned as one table. A quantity that a run does not have is null. The columns are those of
+//! Every row begins with its run's keys, and every file has the same columns of the same types
+//! whatever the algorithm, so that all of them can be scanned as one table. A quantity that a run
+//! does not have is null. The columns are those of
 //! [`measured`](crate::measured), to which [`keys`] adds the run's.
 //!
-//! polars writes them; [`crate::parquet`] reads them, since a record may be damaged, or a stranger's.
+//! polars writes them; [`crate::parquet`] reads them, since a record may be damaged, or a
+//! stranger's.
 
 mod documentation;
 mod frame;
@@ -45,8 +48,19 @@ impl Numbers {
 
     /// The numbers of those of `columns` that hold numbers.
     pub fn of(rows: &[Iteration], columns: &[&Column<Iteration>]) -> Self {
-        let numbers = |column: &&Column<Iteration>| (column.name, rows.iter().map(|row| column.number(row)).collect());
-        Self(columns.iter().filter(|column| column.holds_numbers()).map(numbers).collect())
+        let numbers = |column: &&Column<Iteration>| {
+            (
+                column.name,
+                rows.iter().map(|row| column.number(row)).collect(),
+            )
+        };
+        Self(
+            columns
+                .iter()
+                .filter(|column| column.holds_numbers())
+                .map(numbers)
+                .collect(),
+        )
     }
 }
 
@@ -61,7 +75,12 @@ fn to_frame<R>(columns: &[&Column<R>], keys: &Keys, rows: &[R]) -> PolarsResult<
 /// # Errors
 ///
 /// The disk refuses.
-pub fn write_progress(path: &Path, keys: &Keys, stamp: &Stamp, rows: &[Iteration]) -> Result<(), RecordError> {
+pub fn write_progress(
+    path: &Path,
+    keys: &Keys,
+    stamp: &Stamp,
+    rows: &[Iteration],
+) -> Result<(), RecordError> {
     write(path, to_frame(progress::COLUMNS, keys, rows), stamp)
 }
 
@@ -71,7 +90,8 @@ pub fn write_progress(path: &Path, keys: &Keys, stamp: &Stamp, rows: &[Iteration
 ///
 /// There is no such file, or it has other columns.
 pub fn read_progress(path: &Path) -> Result<Vec<Iteration>, RecordError> {
-    frame::to_rows(progress::COLUMNS, &read(path)?, usize::MAX).map_err(|reason| malformed(path, reason))
+    frame::to_rows(progress::COLUMNS, &read(path)?, usize::MAX)
+        .map_err(|reason| malformed(path, reason))
 }
 
 /// Writes the rows of evaluation episodes.
@@ -94,7 +114,8 @@ pub fn write_evaluations(
 ///
 /// There is no such file, or it has other columns.
 pub fn read_evaluations(path: &Path) -> Result<Vec<EvaluationEpisode>, RecordError> {
-    frame::to_rows(evaluations::COLUMNS, &read(path)?, usize::MAX).map_err(|reason| malformed(path, reason))
+    frame::to_rows(evaluations::COLUMNS, &read(path)?, usize::MAX)
+        .map_err(|reason| malformed(path, reason))
 }
 
 /// The keys of a file of either kind.
@@ -111,13 +132,29 @@ pub fn read_keys(path: &Path) -> Result<Keys, RecordError> {
 /// # Errors
 ///
 /// There is no such file, it is no table of results, or one of these columns holds no numbers.
-pub fn read_numbers(path: &Path, columns: &[&'static Column<Iteration>]) -> Result<Numbers, RecordError> {
+pub fn read_numbers(
+    path: &Path,
+    columns: &[&'static Column<Iteration>],
+) -> Result<Numbers, RecordError> {
     let table = read(path)?;
     let mut numbers = Numbers::default();
-    for column in columns.iter().filter(|column| column.holds_numbers() && table.has(column.name)) {
-        let cells = table.cells(column.name).map_err(|reason| malformed(path, reason))?;
+    for column in columns
+        .iter()
+        .filter(|column| column.holds_numbers() && table.has(column.name))
+    {
+        let cells = table
+            .cells(column.name)
+            .map_err(|reason| malformed(path, reason))?;
         let type_found = cells.name();
-        let wrong = || malformed(path, format!("its column `{}` holds {type_found}; expected numbers", column.name));
+        let wrong = || {
+            malformed(
+                path,
+                format!(
+                    "its column `{}` holds {type_found}; expected numbers",
+                    column.name
+                ),
+            )
+        };
         numbers.insert(column, cells.numbers().ok_or_else(wrong)?);
     }
     Ok(numbers)
@@ -130,18 +167,26 @@ pub fn read_numbers(path: &Path, columns: &[&'static Column<Iteration>]) -> Resu
 /// There is no such file, or it was not written by this program.
 pub fn read_stamp(path: &Path) -> Result<Stamp, RecordError> {
     let notes = read(path)?.notes();
-    let text = notes.into_iter().find(|(key, _)| key == Stamp::KEY).map(|(_, text)| text);
-    let text = text.ok_or_else(|| malformed(path, format!("its metadata has no `{}`", Stamp::KEY)))?;
+    let text = notes
+        .into_iter()
+        .find(|(key, _)| key == Stamp::KEY)
+        .map(|(_, text)| text);
+    let text =
+        text.ok_or_else(|| malformed(path, format!("its metadata has no `{}`", Stamp::KEY)))?;
     serde_json::from_str(&text).map_err(|error| malformed(path, error.to_string()))
 }
 
 fn write(path: &Path, frame: PolarsResult<DataFrame>, stamp: &Stamp) -> Result<(), RecordError> {
-    let stamp = serde_json::to_string(stamp).map_err(|error| io_error("write", path)(error.into()))?;
+    let stamp =
+        serde_json::to_string(stamp).map_err(|error| io_error("write", path)(error.into()))?;
     let mut bytes = Vec::new();
     frame
         .and_then(|mut frame| {
             ParquetWriter::new(&mut bytes)
-                .with_key_value_metadata(Some(KeyValueMetadata::from_static(vec![(Stamp::KEY.to_owned(), stamp)])))
+                .with_key_value_metadata(Some(KeyValueMetadata::from_static(vec![(
+                    Stamp::KEY.to_owned(),
+                    stamp,
+                )])))
                 .set_parallel(false)
                 .finish(&mut frame)
         })
@@ -156,14 +201,22 @@ fn write(path: &Path, frame: PolarsResult<DataFrame>, stamp: &Stamp) -> Result<(
 /// It is missing, no Parquet, or larger than any that this program writes.
 pub(super) fn read(path: &Path) -> Result<Table, RecordError> {
     let absent = || io_error("read", path)(std::io::ErrorKind::NotFound.into());
-    let table = Table::new(read_bounded(path, LIMIT)?.ok_or_else(absent)?).map_err(|reason| malformed(path, reason))?;
+    let table = Table::new(read_bounded(path, LIMIT)?.ok_or_else(absent)?)
+        .map_err(|reason| malformed(path, reason))?;
     let cells = table.rows().saturating_mul(table.columns().len());
     if cells > MAX_NUMBERS {
-        return Err(malformed(path, format!("it claims {} rows, more than are read", table.rows())));
+        return Err(malformed(
+            path,
+            format!("it claims {} rows, more than are read", table.rows()),
+        ));
     }
     Ok(table)
 }
 
 pub(super) fn malformed(path: &Path, reason: String) -> RecordError {
-    RecordError::Malformed { path: path.to_owned(), expected: "a table of results", reason }
+    RecordError::Malformed {
+        path: path.to_owned(),
+        expected: "a table of results",
+        reason,
+    }
 }

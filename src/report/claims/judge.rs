@@ -1,10 +1,12 @@
 //! The test of a claim.
 //!
-//! Seeds are the samples. A difference of means is Welch's, with equal weights of several environments by Satterthwaite's
-//! approximation; what is compared with a level has Student's. Two p values belong to a claim: that of its opposite, which is small
-//! where the claim **holds**, and its own, small where it is **contradicted**. For `above` and `below` both are twice the one-sided
-//! one, since both sides are looked at; `like` holds by two one-sided tests (Schuirmann, 1987). Holm's correction is over the rows
-//! of the claim, of either p value. A run that failed counts a second time at the random policy's return; the greater p counts.
+//! Seeds are the samples. A difference of means is Welch's, with equal weights of several
+//! environments by Satterthwaite's approximation; what is compared with a level has Student's. Two
+//! p values belong to a claim: that of its opposite, which is small where the claim **holds**, and
+//! its own, small where it is **contradicted**. For `above` and `below` both are twice the
+//! one-sided one, since both sides are looked at; `like` holds by two one-sided tests (Schuirmann,
+//! 1987). Holm's correction is over the rows of the claim, of either p value. A run that failed
+//! counts a second time at the random policy's return; the greater p counts.
 
 use crate::{
     report::reference::Scale,
@@ -59,24 +61,46 @@ pub fn judge(claim: &Claim, parts: &[Part]) -> Option<Judged> {
     let failures = with_failures(parts);
     let ways = [parts].into_iter().chain(failures.as_deref());
     let contrasts = ways.map(|parts| {
-        let shifted: Vec<Vec<f64>> =
-            parts.iter().map(|part| part.of.iter().map(|value| value - part.level).collect()).collect();
+        let shifted: Vec<Vec<f64>> = parts
+            .iter()
+            .map(|part| part.of.iter().map(|value| value - part.level).collect())
+            .collect();
         let weight = |part: &Part| in_units(part).0 / parts.len() as f64;
-        let of = parts.iter().zip(&shifted).map(|(part, of)| (weight(part), of.as_slice()));
-        let than = parts.iter().filter_map(|part| Some((-weight(part), part.than.as_deref()?)));
+        let of = parts
+            .iter()
+            .zip(&shifted)
+            .map(|(part, of)| (weight(part), of.as_slice()));
+        let than = parts
+            .iter()
+            .filter_map(|part| Some((-weight(part), part.than.as_deref()?)));
         Contrast::of(&of.chain(than).collect::<Vec<_>>())
     });
     let contrasts: Vec<Contrast> = contrasts.collect::<Option<_>>()?;
     let greatest = |p: fn(Relation, &Contrast, f64) -> f64| {
-        contrasts.iter().map(|contrast| p(claim.is, contrast, limit)).fold(0.0, f64::max).min(1.0)
+        contrasts
+            .iter()
+            .map(|contrast| p(claim.is, contrast, limit))
+            .fold(0.0, f64::max)
+            .min(1.0)
     };
-    let intervals: Vec<Interval> = contrasts.iter().map(|contrast| contrast.interval(1.0 - ALPHA)).collect();
-    let interval = intervals.iter().skip(1).fold(intervals[0], |all, one| Interval {
-        mean: all.mean,
-        low: all.low.min(one.low),
-        high: all.high.max(one.high),
-    });
-    Some(Judged { interval, limit, opposite: greatest(opposite), itself: greatest(itself) })
+    let intervals: Vec<Interval> = contrasts
+        .iter()
+        .map(|contrast| contrast.interval(1.0 - ALPHA))
+        .collect();
+    let interval = intervals
+        .iter()
+        .skip(1)
+        .fold(intervals[0], |all, one| Interval {
+            mean: all.mean,
+            low: all.low.min(one.low),
+            high: all.high.max(one.high),
+        });
+    Some(Judged {
+        interval,
+        limit,
+        opposite: greatest(opposite),
+        itself: greatest(itself),
+    })
 }
 
 /// The p value of what contradicts the claim.
@@ -99,18 +123,22 @@ fn itself(is: Relation, contrast: &Contrast, limit: f64) -> f64 {
     }
 }
 
-/// The same numbers, and beside them the random policy's return for each run that failed; `None` where none did, or they are no
-/// returns.
+/// The same numbers, and beside them the random policy's return for each run that failed; `None`
+/// where none did, or they are no returns.
 fn with_failures(parts: &[Part]) -> Option<Vec<Part>> {
     let with = |part: &Part| {
         let mut part = part.clone();
         if let Some(scale) = part.scale {
             part.of.extend(vec![scale.random; part.failed.0]);
-            part.than.iter_mut().for_each(|than| than.extend(vec![scale.random; part.failed.1]));
+            part.than
+                .iter_mut()
+                .for_each(|than| than.extend(vec![scale.random; part.failed.1]));
         }
         part
     };
-    let any = parts.iter().any(|part| part.scale.is_some() && part.failed != (0, 0));
+    let any = parts
+        .iter()
+        .any(|part| part.scale.is_some() && part.failed != (0, 0));
     any.then(|| parts.iter().map(with).collect())
 }
 
@@ -119,5 +147,7 @@ pub fn corrected(rows: &[Option<Judged>]) -> Vec<Option<(f64, f64)>> {
     let all: Vec<&Judged> = rows.iter().flatten().collect();
     let of = |p: fn(&Judged) -> f64| holm(&all.iter().map(|row| p(row)).collect::<Vec<_>>());
     let mut pairs = of(|row| row.opposite).into_iter().zip(of(|row| row.itself));
-    rows.iter().map(|row| row.as_ref().and_then(|_| pairs.next())).collect()
+    rows.iter()
+        .map(|row| row.as_ref().and_then(|_| pairs.next()))
+        .collect()
 }

@@ -1,7 +1,8 @@
 //! What a file claims, and what the recorded runs say of it.
 //!
-//! Owns which runs stand on either side of a claim, environment by environment and setting by setting. How a number comes from a
-//! run is `measure`'s, how numbers are judged is `judge`'s; knows nothing of Markdown or LaTeX. Start at [`ClaimsData::new`].
+//! Owns which runs stand on either side of a claim, environment by environment and setting by
+//! setting. How a number comes from a run is `measure`'s, how numbers are judged is `judge`'s;
+//! knows nothing of Markdown or LaTeX. Start at [`ClaimsData::new`].
 
 mod judge;
 pub mod measure;
@@ -101,7 +102,8 @@ impl ClaimsData {
 
     /// The claims, each with its rows.
     pub fn by_claim(&self) -> impl Iterator<Item = &[ClaimRow]> {
-        self.rows.chunk_by(|one, other| one.claim.name == other.claim.name)
+        self.rows
+            .chunk_by(|one, other| one.claim.name == other.claim.name)
     }
 }
 
@@ -122,7 +124,9 @@ struct Sides<'a> {
 
 fn rows(claim: &Claim, runs: &[Run]) -> Vec<ClaimRow> {
     let meant = |selection: &Selection| -> Vec<&Run> {
-        let both = |run: &&Run| run.is_in(selection) && claim.only.as_ref().is_none_or(|only| run.is_in(only));
+        let both = |run: &&Run| {
+            run.is_in(selection) && claim.only.as_ref().is_none_or(|only| run.is_in(only))
+        };
         runs.iter().filter(both).collect()
     };
     let than = match &claim.than {
@@ -139,16 +143,33 @@ fn rows(claim: &Claim, runs: &[Run]) -> Vec<ClaimRow> {
     let labels = axis::labels(&keys, &settings);
     let mut made: Vec<Row<'_>> = Vec::new();
     for (setting, label) in settings.iter().zip(labels) {
-        let setting_text = if settings.len() > 1 { label.text } else { String::new() };
+        let setting_text = if settings.len() > 1 {
+            label.text
+        } else {
+            String::new()
+        };
         let by_env = axis::group(&setting.runs, &[Key::Env]);
         let sides = by_env.into_iter().map(|Group { runs, .. }| {
             let env = runs[0].spec.env;
-            let others: Vec<&Run> = than.iter().copied().filter(|run| run.spec.env == env).collect();
-            Sides { of: runs, than: others }
+            let others: Vec<&Run> = than
+                .iter()
+                .copied()
+                .filter(|run| run.spec.env == env)
+                .collect();
+            Sides {
+                of: runs,
+                than: others,
+            }
         });
-        let sides: Vec<_> = sides.filter(|sides| !compares_runs || !sides.than.is_empty()).collect();
+        let sides: Vec<_> = sides
+            .filter(|sides| !compares_runs || !sides.than.is_empty())
+            .collect();
         match claim.environments {
-            Environments::Overall if !sides.is_empty() => made.push(Row { env: None, setting: setting_text, sides }),
+            Environments::Overall if !sides.is_empty() => made.push(Row {
+                env: None,
+                setting: setting_text,
+                sides,
+            }),
             Environments::Overall => {}
             Environments::Each => made.extend(sides.into_iter().map(|side| Row {
                 env: Some(side.of[0].spec.env.name().to_owned()),
@@ -158,44 +179,67 @@ fn rows(claim: &Claim, runs: &[Run]) -> Vec<ClaimRow> {
         }
     }
     if made.is_empty() {
-        made.push(Row { env: None, setting: String::new(), sides: Vec::new() });
+        made.push(Row {
+            env: None,
+            setting: String::new(),
+            sides: Vec::new(),
+        });
     }
     verdicts(claim, made)
 }
 
 /// The rows of one claim, whose verdicts allow for each other.
 fn verdicts(claim: &Claim, rows: Vec<Row<'_>>) -> Vec<ClaimRow> {
-    let parts: Vec<Result<Vec<Part>, String>> = rows.iter().map(|row| parts(claim, &row.sides)).collect();
-    let judged: Vec<Option<Judged>> = parts.iter().map(|parts| judge(claim, parts.as_ref().ok()?)).collect();
+    let parts: Vec<Result<Vec<Part>, String>> =
+        rows.iter().map(|row| parts(claim, &row.sides)).collect();
+    let judged: Vec<Option<Judged>> = parts
+        .iter()
+        .map(|parts| judge(claim, parts.as_ref().ok()?))
+        .collect();
     let p = judge::corrected(&judged);
-    let made = rows.into_iter().zip(parts).zip(judged.into_iter().zip(p)).map(|((row, parts), (judged, p))| {
-        let verdict = match (&parts, p) {
-            (Err(reason), _) => ClaimVerdict::Inconclusive(Some(reason.clone())),
-            (Ok(_), Some((opposite, _))) if opposite <= judge::ALPHA => ClaimVerdict::Holds,
-            (Ok(_), Some((_, itself))) if itself <= judge::ALPHA => ClaimVerdict::Contradicted,
-            (Ok(_), _) => ClaimVerdict::Inconclusive(None),
-        };
-        let count = |runs: Vec<&Run>| Count {
-            found: runs.iter().filter(|run| measure::of(run, claim).is_some()).count(),
-            planned: runs.len(),
-        };
-        let of = row.sides.iter().flat_map(|sides| sides.of.iter().copied()).collect();
-        let than: Vec<&Run> = row.sides.iter().flat_map(|sides| sides.than.iter().copied()).collect();
-        let improvement = parts.as_ref().ok().map(|parts| improvement(parts));
-        ClaimRow {
-            claim: claim.clone(),
-            env: row.env.clone(),
-            environments: row.sides.len(),
-            setting: row.setting.clone(),
-            difference: judged.as_ref().map(|judged| judged.interval),
-            limit: judged.map_or(0.0, |judged| judged.limit),
-            improvement: improvement.filter(|_| claim.is != Relation::Kept),
-            seeds: count(of),
-            than: (!than.is_empty()).then(|| count(than)),
-            p,
-            verdict,
-        }
-    });
+    let made = rows
+        .into_iter()
+        .zip(parts)
+        .zip(judged.into_iter().zip(p))
+        .map(|((row, parts), (judged, p))| {
+            let verdict = match (&parts, p) {
+                (Err(reason), _) => ClaimVerdict::Inconclusive(Some(reason.clone())),
+                (Ok(_), Some((opposite, _))) if opposite <= judge::ALPHA => ClaimVerdict::Holds,
+                (Ok(_), Some((_, itself))) if itself <= judge::ALPHA => ClaimVerdict::Contradicted,
+                (Ok(_), _) => ClaimVerdict::Inconclusive(None),
+            };
+            let count = |runs: Vec<&Run>| Count {
+                found: runs
+                    .iter()
+                    .filter(|run| measure::of(run, claim).is_some())
+                    .count(),
+                planned: runs.len(),
+            };
+            let of = row
+                .sides
+                .iter()
+                .flat_map(|sides| sides.of.iter().copied())
+                .collect();
+            let than: Vec<&Run> = row
+                .sides
+                .iter()
+                .flat_map(|sides| sides.than.iter().copied())
+                .collect();
+            let improvement = parts.as_ref().ok().map(|parts| improvement(parts));
+            ClaimRow {
+                claim: claim.clone(),
+                env: row.env.clone(),
+                environments: row.sides.len(),
+                setting: row.setting.clone(),
+                difference: judged.as_ref().map(|judged| judged.interval),
+                limit: judged.map_or(0.0, |judged| judged.limit),
+                improvement: improvement.filter(|_| claim.is != Relation::Kept),
+                seeds: count(of),
+                than: (!than.is_empty()).then(|| count(than)),
+                p,
+                verdict,
+            }
+        });
     made.collect()
 }
 
@@ -213,7 +257,10 @@ fn parts(claim: &Claim, sides: &[Sides<'_>]) -> Result<Vec<Part>, String> {
     if sides.is_empty() {
         return Err("the file has no such runs".to_owned());
     }
-    sides.iter().map(|sides| part(claim, &sides.of, &sides.than)).collect()
+    sides
+        .iter()
+        .map(|sides| part(claim, &sides.of, &sides.than))
+        .collect()
 }
 
 fn part(claim: &Claim, of: &[&Run], than: &[&Run]) -> Result<Part, String> {
@@ -222,27 +269,42 @@ fn part(claim: &Claim, of: &[&Run], than: &[&Run]) -> Result<Part, String> {
     if !differing.is_empty() {
         return Err(format!(
             "the runs that they are compared with differ in {}",
-            differing.iter().map(Key::to_string).collect::<Vec<_>>().join(", ")
+            differing
+                .iter()
+                .map(Key::to_string)
+                .collect::<Vec<_>>()
+                .join(", ")
         ));
     }
-    let scale = (claim.is != Relation::Kept && claim.on == Measure::Return).then(|| reference::scale(env)).flatten();
+    let scale = (claim.is != Relation::Kept && claim.on == Measure::Return)
+        .then(|| reference::scale(env))
+        .flatten();
     let enough = |runs: &[&Run]| {
-        let values: Vec<f64> = runs.iter().filter_map(|run| measure::of(run, claim)).collect();
+        let values: Vec<f64> = runs
+            .iter()
+            .filter_map(|run| measure::of(run, claim))
+            .collect();
         match values.len() {
-            found if found < SEEDS_FOR_VERDICT => {
-                Err(format!("{} in {env}; {SEEDS_FOR_VERDICT} are needed", amount::count(found, "seed")))
-            }
+            found if found < SEEDS_FOR_VERDICT => Err(format!(
+                "{} in {env}; {SEEDS_FOR_VERDICT} are needed",
+                amount::count(found, "seed")
+            )),
             _ => Ok(values),
         }
     };
     let level = match &claim.than {
-        Some(Versus::Demonstration) => demonstrated_return(of)
-            .ok_or_else(|| format!("the return of the demonstration in {env} is not recorded, or not of one"))?,
+        Some(Versus::Demonstration) => demonstrated_return(of).ok_or_else(|| {
+            format!("the return of the demonstration in {env} is not recorded, or not of one")
+        })?,
         Some(Versus::Runs(_)) | None => 0.0,
     };
     Ok(Part {
         of: enough(of)?,
-        than: if than.is_empty() { None } else { Some(enough(than)?) },
+        than: if than.is_empty() {
+            None
+        } else {
+            Some(enough(than)?)
+        },
         level,
         failed: (failed(of), failed(than)),
         scale,
@@ -250,7 +312,9 @@ fn part(claim: &Claim, of: &[&Run], than: &[&Run]) -> Result<Part, String> {
 }
 
 fn failed(runs: &[&Run]) -> usize {
-    runs.iter().filter(|run| matches!(run.state, State::Failed { .. })).count()
+    runs.iter()
+        .filter(|run| matches!(run.state, State::Failed { .. }))
+        .count()
 }
 
 #[cfg(test)]

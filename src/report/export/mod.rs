@@ -1,6 +1,7 @@
 //! What is recorded, for other programs.
 //!
-//! Owns the files that TensorBoard, rliable, marl-eval and spreadsheets read. Knows nothing of tables or verdicts. Start at
+//! Owns the files that TensorBoard, rliable, marl-eval and spreadsheets read. Knows nothing of
+//! tables or verdicts. Start at
 //! [`export`]. Everything is written into `export` within the report's folder, which is made anew each time.
 
 mod rows;
@@ -43,7 +44,13 @@ pub enum Format {
 
 impl Format {
     /// Every format, in the order in which they are written.
-    pub const ALL: [Self; 5] = [Self::Tensorboard, Self::Rliable, Self::MarlEval, Self::Csv, Self::Json];
+    pub const ALL: [Self; 5] = [
+        Self::Tensorboard,
+        Self::Rliable,
+        Self::MarlEval,
+        Self::Csv,
+        Self::Json,
+    ];
 
     /// Its name on the command line.
     pub fn name(self) -> &'static str {
@@ -100,19 +107,30 @@ pub fn export(
         match format {
             Format::Tensorboard => {
                 for run in runs.iter().filter(|run| run.recording().is_some()) {
-                    let name = format!("tensorboard/{}/events.out.tfevents.0000000000.mcpo-run", run.spec.id);
+                    let name = format!(
+                        "tensorboard/{}/events.out.tfevents.0000000000.mcpo-run",
+                        run.spec.id
+                    );
                     write(&name, &tensorboard::events(run))?;
                 }
             }
             Format::Rliable => write("rliable.json", text(&scores::rliable(&runs)).as_bytes())?,
-            Format::MarlEval => write("marl-eval.json", text(&scores::marl_eval(&spec.name, &runs)).as_bytes())?,
+            Format::MarlEval => write(
+                "marl-eval.json",
+                text(&scores::marl_eval(&spec.name, &runs)).as_bytes(),
+            )?,
             Format::Csv => write("evaluations.csv", &rows::evaluations(&runs)?)?,
             Format::Json => {
                 for figure in &figures(spec) {
-                    let Some(y) = figure.y.measure() else { continue };
+                    let Some(y) = figure.y.measure() else {
+                        continue;
+                    };
                     let runs = selected(&runs, figure.only.as_ref());
                     let data = CurveData::new(figure, y, &runs, &identities(&whole));
-                    write(&format!("{}.json", figure.name), text(&rows::figure(&data)).as_bytes())?;
+                    write(
+                        &format!("{}.json", figure.name),
+                        text(&rows::figure(&data)).as_bytes(),
+                    )?;
                 }
             }
         }
@@ -121,7 +139,11 @@ pub fn export(
 }
 
 fn io(action: &'static str, path: &Path, source: std::io::Error) -> RecordError {
-    RecordError::Io { action, path: path.to_owned(), source }
+    RecordError::Io {
+        action,
+        path: path.to_owned(),
+        source,
+    }
 }
 
 fn text(value: &serde_json::Value) -> String {
@@ -130,6 +152,10 @@ fn text(value: &serde_json::Value) -> String {
 
 /// What a run's method is called: its id without environment and seed.
 fn method(run: &Run) -> &str {
-    let of_env = run.spec.id.split_once('/').map_or(run.spec.id.as_str(), |(_, rest)| rest);
+    let of_env = run
+        .spec
+        .id
+        .split_once('/')
+        .map_or(run.spec.id.as_str(), |(_, rest)| rest);
     of_env.rsplit_once('/').map_or(of_env, |(method, _)| method)
 }

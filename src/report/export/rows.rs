@@ -21,19 +21,48 @@ use crate::{
 ///
 /// None that the csv crate gives for a buffer in memory.
 pub fn evaluations(runs: &[Run]) -> Result<Vec<u8>, csv::Error> {
-    let axes: BTreeSet<&str> = runs.iter().flat_map(|run| run.spec.axes.keys()).map(String::as_str).collect();
+    let axes: BTreeSet<&str> = runs
+        .iter()
+        .flat_map(|run| run.spec.axes.keys())
+        .map(String::as_str)
+        .collect();
     let first = ["env", "algorithm", "method", "seed"];
-    let last = [evaluations::ENV_STEPS.name, evaluations::LAST.name, evaluations::DENSE_RETURN.name];
-    let headers: Vec<&str> = first.into_iter().chain(axes.iter().copied()).chain(last).collect();
+    let last = [
+        evaluations::ENV_STEPS.name,
+        evaluations::LAST.name,
+        evaluations::DENSE_RETURN.name,
+    ];
+    let headers: Vec<&str> = first
+        .into_iter()
+        .chain(axes.iter().copied())
+        .chain(last)
+        .collect();
     let of_run = |run: &Run| {
         let spec = &run.spec;
         let (env, algorithm) = (spec.env.name().to_owned(), spec.algorithm_name().to_owned());
-        let keys = [env, algorithm, escape::csv(method(run)), spec.seed.0.to_string()];
-        let keys: Vec<String> =
-            keys.into_iter().chain(axes.iter().map(|axis| value(&spec.axes.get(*axis).cloned()))).collect();
-        let episodes = run.recording().map(|recording| recording.evaluations.clone()).unwrap_or_default();
+        let keys = [
+            env,
+            algorithm,
+            escape::csv(method(run)),
+            spec.seed.0.to_string(),
+        ];
+        let keys: Vec<String> = keys
+            .into_iter()
+            .chain(
+                axes.iter()
+                    .map(|axis| value(&spec.axes.get(*axis).cloned())),
+            )
+            .collect();
+        let episodes = run
+            .recording()
+            .map(|recording| recording.evaluations.clone())
+            .unwrap_or_default();
         episodes.into_iter().map(move |episode| {
-            let own = [episode.env_steps.to_string(), episode.last.to_string(), number(Some(episode.dense_return))];
+            let own = [
+                episode.env_steps.to_string(),
+                episode.last.to_string(),
+                number(Some(episode.dense_return)),
+            ];
             [keys.clone(), own.to_vec()].concat()
         })
     };
@@ -42,10 +71,18 @@ pub fn evaluations(runs: &[Run]) -> Result<Vec<u8>, csv::Error> {
 
 /// What a figure draws, with every number in full: panel by panel, series by series.
 pub fn figure(data: &CurveData) -> Value {
-    let x = if data.across == Across::Steps { progress::ENV_STEPS.name } else { "normalised_return" };
+    let x = if data.across == Across::Steps {
+        progress::ENV_STEPS.name
+    } else {
+        "normalised_return"
+    };
     let of_curve = |name: &str, curve: &Curve| {
         let singles = curve.singles.iter().map(|single| {
-            let points = single.points.iter().map(|point| point.1).collect::<Vec<_>>();
+            let points = single
+                .points
+                .iter()
+                .map(|point| point.1)
+                .collect::<Vec<_>>();
             (single.seed.to_string(), json!(points))
         });
         json!({
@@ -63,8 +100,9 @@ pub fn figure(data: &CurveData) -> Value {
     };
     let panels = data.panels.iter().map(|panel| {
         let named = data.series.iter().zip(&panel.curves);
-        let curves: Vec<Value> =
-            named.filter_map(|(label, curve)| Some(of_curve(&label.text, curve.as_ref()?))).collect();
+        let curves: Vec<Value> = named
+            .filter_map(|(label, curve)| Some(of_curve(&label.text, curve.as_ref()?)))
+            .collect();
         json!({"panel": panel.title, "demonstration": panel.demo, "curves": curves})
     });
     let band = match data.band {

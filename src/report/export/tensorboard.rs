@@ -1,7 +1,8 @@
 //! A run as a TensorBoard event file.
 //!
-//! Owns the bytes: records with masked CRC-32C around `Event` messages of protocol buffers, of which it writes the few fields that it
-//! needs (tensorflow/core/util/event.proto, tensorboard/plugins/hparams/plugin_data.proto). Start at [`events`].
+//! Owns the bytes: records with masked CRC-32C around `Event` messages of protocol buffers, of
+//! which it writes the few fields that it needs (tensorflow/core/util/event.proto,
+//! tensorboard/plugins/hparams/plugin_data.proto). Start at [`events`].
 
 use std::collections::BTreeMap;
 
@@ -16,27 +17,55 @@ use crate::{
 };
 
 /// What is no setting in a specification.
-const NAMES: [&str; 6] = ["experiment", "id", "axes", "columns", "demonstration", "checkpoint"];
+const NAMES: [&str; 6] = [
+    "experiment",
+    "id",
+    "axes",
+    "columns",
+    "demonstration",
+    "checkpoint",
+];
 
-/// The events of `run`: its hyperparameters, every column of its iterations, and its evaluations' means. Wall time is the time that
-/// training had taken, from 0.
+/// The events of `run`: its hyperparameters, every column of its iterations, and its evaluations'
+/// means. Wall time is the time that training had taken, from 0.
 pub fn events(run: &Run) -> Vec<u8> {
-    let mut bytes = record(&Message::default().double(1, 0.0).bytes(3, b"brain.Event:2").0);
-    let Some(recording) = run.recording() else { return bytes };
+    let mut bytes = record(
+        &Message::default()
+            .double(1, 0.0)
+            .bytes(3, b"brain.Event:2")
+            .0,
+    );
+    let Some(recording) = run.recording() else {
+        return bytes;
+    };
     bytes.extend(record(&event(0.0, 0, &start(run))));
     let clock = clock(recording);
     let mut scalar = |tag: &str, points: Vec<(u64, f64)>| {
         for (step, value) in points {
-            let seconds = clock.range(..=step).next_back().map_or(0.0, |(_, seconds)| *seconds);
-            let value = Message::default().bytes(1, tag.as_bytes()).float(2, value as f32);
+            let seconds = clock
+                .range(..=step)
+                .next_back()
+                .map_or(0.0, |(_, seconds)| *seconds);
+            let value = Message::default()
+                .bytes(1, tag.as_bytes())
+                .float(2, value as f32);
             bytes.extend(record(&event(seconds, step, &value)));
         }
     };
     scalar("evaluation/return", values_of(recording, Measure::Return));
-    let mut columns: Vec<_> = progress::COLUMNS.iter().filter(|column| column.role != Role::Position).collect();
+    let mut columns: Vec<_> = progress::COLUMNS
+        .iter()
+        .filter(|column| column.role != Role::Position)
+        .collect();
     columns.sort_by_key(|column| column.name);
-    for column in columns.into_iter().filter(|column| recording.progress.get(column).is_some()) {
-        scalar(&format!("progress/{}", column.called()), values_of(recording, Measure::Column(column)));
+    for column in columns
+        .into_iter()
+        .filter(|column| recording.progress.get(column).is_some())
+    {
+        scalar(
+            &format!("progress/{}", column.called()),
+            values_of(recording, Measure::Column(column)),
+        );
     }
     let end = Message::default().varint(1, 1); // STATUS_SUCCESS
     bytes.extend(record(&event(
@@ -50,40 +79,79 @@ pub fn events(run: &Run) -> Vec<u8> {
 /// By environment steps, the seconds that training had taken.
 fn clock(recording: &Recording) -> BTreeMap<u64, f64> {
     let column = |column: &Column<Iteration>| recording.progress.get(column).unwrap_or_default();
-    let (rollout, update) = (column(&progress::ROLLOUT_SECONDS), column(&progress::UPDATE_SECONDS));
+    let (rollout, update) = (
+        column(&progress::ROLLOUT_SECONDS),
+        column(&progress::UPDATE_SECONDS),
+    );
     let mut seconds = 0.0;
     let of_row = |(row, steps): (usize, &Option<f64>)| {
         let cell = |cells: &[Option<f64>]| cells.get(row).copied().flatten().unwrap_or(0.0);
         seconds += cell(rollout) + cell(update);
         Some(((*steps)? as u64, seconds))
     };
-    column(&progress::ENV_STEPS).iter().enumerate().filter_map(of_row).collect()
+    column(&progress::ENV_STEPS)
+        .iter()
+        .enumerate()
+        .filter_map(of_row)
+        .collect()
 }
 
 fn event(seconds: f64, step: u64, value: &Message) -> Vec<u8> {
-    Message::default().double(1, seconds).varint(2, step).message(5, &Message::default().message(1, value)).0
+    Message::default()
+        .double(1, seconds)
+        .varint(2, step)
+        .message(5, &Message::default().message(1, value))
+        .0
 }
 
 /// The run's settings; seeds of one method are one group.
 fn start(run: &Run) -> Message {
     let mut settings = BTreeMap::new();
     if let Ok(Value::Object(fields)) = serde_json::to_value(&run.spec) {
-        for (name, value) in fields.into_iter().filter(|(name, _)| !NAMES.contains(&name.as_str())) {
-            flatten(if name == "algorithm" { String::new() } else { name }, &value, &mut settings);
+        for (name, value) in fields
+            .into_iter()
+            .filter(|(name, _)| !NAMES.contains(&name.as_str()))
+        {
+            flatten(
+                if name == "algorithm" {
+                    String::new()
+                } else {
+                    name
+                },
+                &value,
+                &mut settings,
+            );
         }
     }
-    settings.insert("algorithm".to_owned(), Value::from(run.spec.algorithm_name()));
+    settings.insert(
+        "algorithm".to_owned(),
+        Value::from(run.spec.algorithm_name()),
+    );
     let entry = |message: Message, (key, value): (&String, &Value)| {
         let value = match value {
-            Value::Number(number) => Message::default().double(2, number.as_f64().unwrap_or(f64::NAN)),
+            Value::Number(number) => {
+                Message::default().double(2, number.as_f64().unwrap_or(f64::NAN))
+            }
             Value::Bool(truth) => Message::default().varint(4, u64::from(*truth)),
             Value::String(text) => Message::default().bytes(3, text.as_bytes()),
             other => Message::default().bytes(3, other.to_string().as_bytes()),
         };
-        message.message(1, &Message::default().bytes(1, key.as_bytes()).message(2, &value))
+        message.message(
+            1,
+            &Message::default()
+                .bytes(1, key.as_bytes())
+                .message(2, &value),
+        )
     };
-    let group = run.spec.id.rsplit_once('/').map_or(run.spec.id.as_str(), |(group, _)| group);
-    let info = settings.iter().fold(Message::default(), entry).bytes(4, group.as_bytes());
+    let group = run
+        .spec
+        .id
+        .rsplit_once('/')
+        .map_or(run.spec.id.as_str(), |(group, _)| group);
+    let info = settings
+        .iter()
+        .fold(Message::default(), entry)
+        .bytes(4, group.as_bytes());
     hparams("session_start_info", 3, &info)
 }
 
@@ -92,7 +160,15 @@ fn flatten(key: String, value: &Value, leaves: &mut BTreeMap<String, Value>) {
     match value {
         Value::Object(fields) => {
             for (name, value) in fields {
-                flatten(if key.is_empty() { name.clone() } else { format!("{key}.{name}") }, value, leaves);
+                flatten(
+                    if key.is_empty() {
+                        name.clone()
+                    } else {
+                        format!("{key}.{name}")
+                    },
+                    value,
+                    leaves,
+                );
             }
         }
         Value::Null => {}
@@ -102,9 +178,12 @@ fn flatten(key: String, value: &Value, leaves: &mut BTreeMap<String, Value>) {
     }
 }
 
-/// A summary value of the plugin for hyperparameters: its data stand in the metadata, beside an empty tensor.
+/// A summary value of the plugin for hyperparameters: its data stand in the metadata, beside an
+/// empty tensor.
 fn hparams(name: &str, field: u32, data: &Message) -> Message {
-    let plugin = Message::default().bytes(1, b"hparams").message(2, &Message::default().message(field, data));
+    let plugin = Message::default()
+        .bytes(1, b"hparams")
+        .message(2, &Message::default().message(field, data));
     let no_elements = Message::default().message(2, &Message::default().varint(1, 0));
     let no_floats = Message::default().varint(1, 1).message(2, &no_elements); // DT_FLOAT
     Message::default()
@@ -163,15 +242,32 @@ impl Message {
 /// A record of TensorFlow's: its length and its data, each with a checksum behind it.
 fn record(data: &[u8]) -> Vec<u8> {
     let length = (data.len() as u64).to_le_bytes();
-    [&length[..], &masked(crc32c(&length)), data, &masked(crc32c(data))].concat()
+    [
+        &length[..],
+        &masked(crc32c(&length)),
+        data,
+        &masked(crc32c(data)),
+    ]
+    .concat()
 }
 
 fn masked(checksum: u32) -> [u8; 4] {
-    checksum.rotate_right(15).wrapping_add(0xa282_ead8).to_le_bytes()
+    checksum
+        .rotate_right(15)
+        .wrapping_add(0xa282_ead8)
+        .to_le_bytes()
 }
 
 /// CRC-32C (Castagnoli), bit by bit.
 pub(super) fn crc32c(bytes: &[u8]) -> u32 {
-    let shifted = |rest: u32, _| if rest & 1 == 1 { rest >> 1 ^ 0x82f6_3b78 } else { rest >> 1 };
-    !bytes.iter().fold(u32::MAX, |rest, byte| (0..8).fold(rest ^ u32::from(*byte), shifted))
+    let shifted = |rest: u32, _| {
+        if rest & 1 == 1 {
+            rest >> 1 ^ 0x82f6_3b78
+        } else {
+            rest >> 1
+        }
+    };
+    !bytes.iter().fold(u32::MAX, |rest, byte| {
+        (0..8).fold(rest ^ u32::from(*byte), shifted)
+    })
 }

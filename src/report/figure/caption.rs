@@ -34,7 +34,10 @@ impl Notes {
 /// The notes of `data`.
 pub fn notes(data: &CurveData) -> Notes {
     if let Some(caption) = &data.caption {
-        return Notes { means: caption.clone(), lacking: String::new() };
+        return Notes {
+            means: caption.clone(),
+            lacking: String::new(),
+        };
     }
     let curves: Vec<(&str, &str, &Curve)> = data
         .panels
@@ -42,56 +45,101 @@ pub fn notes(data: &CurveData) -> Notes {
         .filter(|panel| panel.curves.iter().flatten().any(|curve| curve.seeds > 0)) // the others say so themselves
         .flat_map(|panel| {
             let named = data.series.iter().zip(&panel.curves);
-            named.filter_map(|(name, curve)| Some((panel.title.as_str(), name.text.as_str(), curve.as_ref()?)))
+            named.filter_map(|(name, curve)| {
+                Some((panel.title.as_str(), name.text.as_str(), curve.as_ref()?))
+            })
         })
         .collect();
     if curves.is_empty() {
-        return Notes { means: String::new(), lacking: String::new() };
+        return Notes {
+            means: String::new(),
+            lacking: String::new(),
+        };
     }
-    let drawn = || curves.iter().map(|(_, _, curve)| curve.seeds).filter(|seeds| *seeds > 0);
+    let drawn = || {
+        curves
+            .iter()
+            .map(|(_, _, curve)| curve.seeds)
+            .filter(|seeds| *seeds > 0)
+    };
     let (fewest, most) = (drawn().min().unwrap_or(0), drawn().max().unwrap_or(0));
     let mut means = vec![seeds(data, fewest, most)];
-    means.extend(
-        data.smooth.map(|steps| format!("Smoothed over {} steps, the unsmoothed mean behind.", amount::steps(steps))),
-    );
-    let name =
-        |env: &str, series: &str| if data.series.len() > 1 { format!("{series}, {env}") } else { env.to_owned() };
+    means.extend(data.smooth.map(|steps| {
+        format!(
+            "Smoothed over {} steps, the unsmoothed mean behind.",
+            amount::steps(steps)
+        )
+    }));
+    let name = |env: &str, series: &str| {
+        if data.series.len() > 1 {
+            format!("{series}, {env}")
+        } else {
+            env.to_owned()
+        }
+    };
     // A series that lacks the same in all of its panels is named once.
     let same_everywhere = |series: &str| {
         let mut of: BTreeSet<Option<String>> = BTreeSet::new();
         let panels = curves.iter().filter(|(_, other, _)| *other == series);
-        panels.map(|(_, _, curve)| of.insert(curve.lacking())).count() > 1 && of.len() == 1
+        panels
+            .map(|(_, _, curve)| of.insert(curve.lacking()))
+            .count()
+            > 1
+            && of.len() == 1
     };
     let mut lacking: Vec<String> = Vec::new();
     for (panel, series, curve) in &curves {
-        let Some(text) = curve.lacking() else { continue };
-        let name = if same_everywhere(series) { (*series).to_owned() } else { name(panel, series) };
+        let Some(text) = curve.lacking() else {
+            continue;
+        };
+        let name = if same_everywhere(series) {
+            (*series).to_owned()
+        } else {
+            name(panel, series)
+        };
         let entry = format!("{name} ({text})");
         if !lacking.contains(&entry) {
             lacking.push(entry);
         }
     }
-    let kinds: BTreeSet<Option<String>> = curves.iter().map(|(_, _, curve)| curve.lacking()).collect();
+    let kinds: BTreeSet<Option<String>> =
+        curves.iter().map(|(_, _, curve)| curve.lacking()).collect();
     let mut notes = Vec::new();
     match kinds.first() {
         _ if lacking.is_empty() => {}
-        Some(Some(all)) if kinds.len() == 1 && curves.len() > 1 => notes.push(format!("Each curve: {all}.")),
+        Some(Some(all)) if kinds.len() == 1 && curves.len() > 1 => {
+            notes.push(format!("Each curve: {all}."))
+        }
         _ => notes.push(format!("Not complete: {}.", shorten(&lacking))),
     }
     let mut left_out = |reason: &str, count: fn(&LeftOut) -> usize| {
         let of: Vec<String> = curves
             .iter()
             .filter(|(_, _, curve)| count(&curve.left_out) > 0)
-            .map(|(env, series, curve)| format!("{} ({})", name(env, series), count(&curve.left_out)))
+            .map(|(env, series, curve)| {
+                format!("{} ({})", name(env, series), count(&curve.left_out))
+            })
             .collect();
         if !of.is_empty() {
             notes.push(format!("{reason}: {}.", shorten(&of)));
         }
     };
-    left_out("Gaps where a seed's value is no finite number", |left_out| left_out.not_finite);
-    left_out("Gaps where a seed's value is not above 0, which this axis cannot show", |left_out| left_out.not_positive);
-    left_out("Points left out because a seed has none there", |left_out| left_out.absent);
-    Notes { means: means.join(" "), lacking: notes.join(" ") }
+    left_out(
+        "Gaps where a seed's value is no finite number",
+        |left_out| left_out.not_finite,
+    );
+    left_out(
+        "Gaps where a seed's value is not above 0, which this axis cannot show",
+        |left_out| left_out.not_positive,
+    );
+    left_out(
+        "Points left out because a seed has none there",
+        |left_out| left_out.absent,
+    );
+    Notes {
+        means: means.join(" "),
+        lacking: notes.join(" "),
+    }
 }
 
 /// Of how many seeds a curve is the mean, and what is shaded or thin beside it.
@@ -100,10 +148,14 @@ fn seeds(data: &CurveData, fewest: usize, most: usize) -> String {
     let few = fewest < SEEDS_FOR_T;
     let beside = match data.band {
         Band::T if most < SEEDS_FOR_T => "shaded: from one to the other",
-        Band::T if few => "shaded: 95 % Student t interval, of two seeds their range, cut at the frame",
+        Band::T if few => {
+            "shaded: 95 % Student t interval, of two seeds their range, cut at the frame"
+        }
         Band::T => "shaded: 95 % Student t interval, cut at the frame",
         Band::Std => "shaded: one standard deviation of the seeds to each side, cut at the frame",
-        Band::Bootstrap => "shaded: 95 % bootstrap interval of the mean, which is too narrow for few seeds",
+        Band::Bootstrap => {
+            "shaded: 95 % bootstrap interval of the mean, which is too narrow for few seeds"
+        }
         Band::Seeds => "thin: each seed",
     };
     match most {
@@ -117,5 +169,9 @@ fn seeds(data: &CurveData, fewest: usize, most: usize) -> String {
 fn shorten(list: &[String]) -> String {
     const SHOWN: usize = 6;
     let shown = list[..list.len().min(SHOWN)].join("; ");
-    if list.len() > SHOWN { format!("{shown}; and {} more", list.len() - SHOWN) } else { shown }
+    if list.len() > SHOWN {
+        format!("{shown}; and {} more", list.len() - SHOWN)
+    } else {
+        shown
+    }
 }

@@ -27,9 +27,18 @@ impl<'a> Legend<'a> {
     /// The legend of `data` in `room`, a width.
     pub fn new(data: &CurveData, sheet: &'a Sheet, room: f64) -> Self {
         let looks = data.looks.iter().map(|look| Look::Series(*look));
-        let mut entries: Vec<(Look, String)> = looks.zip(data.series.iter().map(|name| name.text.clone())).collect();
-        let drawn =
-            || data.panels.iter().filter(|panel| panel.curves.iter().flatten().any(|curve| !curve.points.is_empty()));
+        let mut entries: Vec<(Look, String)> = looks
+            .zip(data.series.iter().map(|name| name.text.clone()))
+            .collect();
+        let drawn = || {
+            data.panels.iter().filter(|panel| {
+                panel
+                    .curves
+                    .iter()
+                    .flatten()
+                    .any(|curve| !curve.points.is_empty())
+            })
+        };
         let curves = || drawn().flat_map(|panel| panel.curves.iter().flatten());
         if curves().any(|curve| curve.paper.is_some()) {
             entries.push((Look::Paper, "the paper, after training".to_owned()));
@@ -38,23 +47,44 @@ impl<'a> Legend<'a> {
             entries.push((Look::Demo, "the demonstration".to_owned()));
         }
         if curves().any(|curve| !curve.tolerance.is_empty()) {
-            entries.push((Look::Tolerance, "tolerance d of the same colour's curve".to_owned()));
+            entries.push((
+                Look::Tolerance,
+                "tolerance d of the same colour's curve".to_owned(),
+            ));
         }
-        let entries: Vec<Entry> =
-            entries.into_iter().map(|(look, name)| Entry::new(look, &name, sheet, room)).collect();
+        let entries: Vec<Entry> = entries
+            .into_iter()
+            .map(|(look, name)| Entry::new(look, &name, sheet, room))
+            .collect();
         let rows = rows(sheet, entries.clone(), room);
         // Series of one width stand in columns, unless that takes more rows.
-        let widest = entries.iter().filter(|entry| entry.is_series()).map(|entry| entry.width).fold(0.0, f64::max);
-        let even = entries
-            .into_iter()
-            .map(|entry| Entry { width: if entry.is_series() { widest } else { entry.width }, ..entry });
+        let widest = entries
+            .iter()
+            .filter(|entry| entry.is_series())
+            .map(|entry| entry.width)
+            .fold(0.0, f64::max);
+        let even = entries.into_iter().map(|entry| Entry {
+            width: if entry.is_series() {
+                widest
+            } else {
+                entry.width
+            },
+            ..entry
+        });
         let even = self::rows(sheet, even.collect(), room);
-        Self { sheet, rows: if even.len() > rows.len() { rows } else { even } }
+        Self {
+            sheet,
+            rows: if even.len() > rows.len() { rows } else { even },
+        }
     }
 
     /// Its height.
     pub fn height(&self) -> f64 {
-        self.rows.iter().map(|(_, row)| self.row_height(row)).sum::<f64>() + self.sheet.scaled(6.0)
+        self.rows
+            .iter()
+            .map(|(_, row)| self.row_height(row))
+            .sum::<f64>()
+            + self.sheet.scaled(6.0)
     }
 
     fn line(&self) -> f64 {
@@ -81,9 +111,19 @@ impl<'a> Legend<'a> {
                 for (index, line) in entry.lines.iter().enumerate() {
                     let y = above + (index + 1) as f64 * self.line() + self.between();
                     if index == 0 {
-                        shapes.extend(entry.look.key(self.sheet, (x, y - 0.3 * size), key - self.sheet.scaled(6.0)));
+                        shapes.extend(entry.look.key(
+                            self.sheet,
+                            (x, y - 0.3 * size),
+                            key - self.sheet.scaled(6.0),
+                        ));
                     }
-                    shapes.push(Shape::Text(text(line, (x + key, y), Anchor::Start, size, BLACK)));
+                    shapes.push(Shape::Text(text(
+                        line,
+                        (x + key, y),
+                        Anchor::Start,
+                        size,
+                        BLACK,
+                    )));
                 }
                 x += entry.width + gap(self.sheet);
             }
@@ -121,7 +161,11 @@ fn rows(sheet: &Sheet, entries: Vec<Entry>, room: f64) -> Vec<(f64, Vec<Entry>)>
 impl Entry {
     fn new(look: Look, name: &str, sheet: &Sheet, room: f64) -> Self {
         let lines = wrap(name, sheet.text, room - key(sheet));
-        let width = key(sheet) + lines.iter().map(|line| text_width(line, sheet.text)).fold(0.0, f64::max);
+        let width = key(sheet)
+            + lines
+                .iter()
+                .map(|line| text_width(line, sheet.text))
+                .fold(0.0, f64::max);
         Self { look, lines, width }
     }
 

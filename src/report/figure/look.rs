@@ -1,7 +1,7 @@
 //! How the lines of a figure look: colours, markers, dashes.
 //!
-//! A look is a number. The first twelve differ in colour, marker, and, where their colours are alike in grey, in their dashes;
-//! later ones have the same colours with other markers.
+//! A look is a number. The first twelve differ in colour, marker, and, where their colours are
+//! alike in grey, in their dashes; later ones have the same colours with other markers.
 
 use super::{
     picture::{Color, Shape},
@@ -10,12 +10,14 @@ use super::{
 
 /// Opacity of a band.
 pub const BAND: f64 = 0.16;
-/// Share of the colour, beside white, in the line of one seed, and of a curve before it was smoothed.
+/// Share of the colour, beside white, in the line of one seed, and of a curve before it was
+/// smoothed.
 const FAINT: f64 = 0.4;
 
 /// Dash and gap in turn, in points at the screen's size.
 const PATTERNS: [&[f64]; 4] = [&[], &[8.0, 2.5], &[9.0, 2.0, 2.0, 2.0], &[3.5, 1.8]];
-/// The pattern of each colour: colours of one pattern are far apart in lightness, so that grey tells them apart too.
+/// The pattern of each colour: colours of one pattern are far apart in lightness, so that grey
+/// tells them apart too.
 const PATTERN_OF: [usize; 12] = [0, 1, 2, 3, 0, 3, 2, 1, 0, 2, 3, 1];
 const PAPER: [f64; 2] = [4.0, 2.0];
 const DEMO: [f64; 2] = [1.5, 2.5];
@@ -55,7 +57,14 @@ impl Look {
         };
         let pattern: Vec<f64> = pattern.iter().map(|&length| sheet.scaled(length)).collect();
         let width = width * sheet.curve;
-        dashes(points, &pattern).into_iter().map(|points| Shape::Line { points, width, color }).collect()
+        dashes(points, &pattern)
+            .into_iter()
+            .map(|points| Shape::Line {
+                points,
+                width,
+                color,
+            })
+            .collect()
     }
 }
 
@@ -64,7 +73,8 @@ pub fn color(look: usize) -> Color {
     PALETTE[look % PALETTE.len()]
 }
 
-/// The colour of what stands behind the curve of a look: opaque, since a line that crosses itself would show it.
+/// The colour of what stands behind the curve of a look: opaque, since a line that crosses itself
+/// would show it.
 pub fn faint(look: usize) -> Color {
     color(look).map(|channel| (255.0 - FAINT * (255.0 - f64::from(channel))).round() as u8)
 }
@@ -82,7 +92,10 @@ pub fn pattern(look: usize) -> usize {
 /// The marker of a look, edged in white so that it stands off its curve.
 pub fn marker(sheet: &Sheet, look: usize, at: (f64, f64)) -> [Shape; 2] {
     let size = sheet.marker;
-    [shape(look, at, size + sheet.scaled(0.9), [0xff; 3]), shape(look, at, size, color(look))]
+    [
+        shape(look, at, size + sheet.scaled(0.9), [0xff; 3]),
+        shape(look, at, size, color(look)),
+    ]
 }
 
 /// A small marker, for a point that no line leads to.
@@ -91,11 +104,19 @@ pub fn dot(sheet: &Sheet, look: usize, at: (f64, f64)) -> Shape {
 }
 
 fn shape(look: usize, at: (f64, f64), radius: f64, color: Color) -> Shape {
-    let points = outline(look).iter().map(|(x, y)| (at.0 + x * radius, at.1 + y * radius)).collect();
-    Shape::Area { points, color, opacity: 1.0 }
+    let points = outline(look)
+        .iter()
+        .map(|(x, y)| (at.0 + x * radius, at.1 + y * radius))
+        .collect();
+    Shape::Area {
+        points,
+        color,
+        opacity: 1.0,
+    }
 }
 
-/// A shape of about the unit circle's size; twelve different ones, shifted against the colours in each round.
+/// A shape of about the unit circle's size; twelve different ones, shifted against the colours in
+/// each round.
 pub fn outline(look: usize) -> Vec<(f64, f64)> {
     let polygon = |corners: usize, first: f64| {
         let corner = move |corner: usize| {
@@ -105,7 +126,10 @@ pub fn outline(look: usize) -> Vec<(f64, f64)> {
         (0..corners).map(corner).collect::<Vec<_>>()
     };
     let larger = |factor: f64, points: Vec<(f64, f64)>| -> Vec<(f64, f64)> {
-        points.into_iter().map(|(x, y)| (x * factor, y * factor)).collect()
+        points
+            .into_iter()
+            .map(|(x, y)| (x * factor, y * factor))
+            .collect()
     };
     let star = |tips: usize, inner: f64| {
         let corner = |corner: usize| {
@@ -127,7 +151,10 @@ pub fn outline(look: usize) -> Vec<(f64, f64)> {
         8 => larger(1.5, star(5, 0.42)),
         9 => {
             let diagonal = std::f64::consts::FRAC_1_SQRT_2;
-            plus().into_iter().map(|(x, y)| (diagonal * (x - y), diagonal * (x + y))).collect()
+            plus()
+                .into_iter()
+                .map(|(x, y)| (diagonal * (x - y), diagonal * (x + y)))
+                .collect()
         }
         10 => larger(1.3, polygon(3, 180.0)),
         _ => larger(1.5, star(4, 0.35)),
@@ -148,7 +175,8 @@ fn plus() -> Vec<(f64, f64)> {
     (0..4).flat_map(quarter).collect()
 }
 
-/// The line through `points`, cut into dashes by `pattern` (lengths of dash and gap in turn); whole for no pattern.
+/// The line through `points`, cut into dashes by `pattern` (lengths of dash and gap in turn); whole
+/// for no pattern.
 fn dashes(points: &[(f64, f64)], pattern: &[f64]) -> Vec<Vec<(f64, f64)>> {
     if pattern.is_empty() {
         return vec![points.to_vec()];
@@ -165,7 +193,10 @@ fn dashes(points: &[(f64, f64)], pattern: &[f64]) -> Vec<Vec<(f64, f64)>> {
                 break;
             }
             let share = left / length;
-            from = (from.0 + share * (to.0 - from.0), from.1 + share * (to.1 - from.1));
+            from = (
+                from.0 + share * (to.0 - from.0),
+                from.1 + share * (to.1 - from.1),
+            );
             dash.push(from);
             if phase % 2 == 0 {
                 dashes.push(std::mem::take(&mut dash));
@@ -188,7 +219,13 @@ mod tests {
     #[test]
     fn dashes_go_around_corners_and_keep_their_lengths() {
         let dashes = dashes(&[(0.0, 0.0), (3.0, 0.0), (3.0, 7.0)], &[4.0, 2.0]);
-        assert_eq!(dashes, [vec![(0.0, 0.0), (3.0, 0.0), (3.0, 1.0)], vec![(3.0, 3.0), (3.0, 7.0)]]);
+        assert_eq!(
+            dashes,
+            [
+                vec![(0.0, 0.0), (3.0, 0.0), (3.0, 1.0)],
+                vec![(3.0, 3.0), (3.0, 7.0)]
+            ]
+        );
     }
 
     #[test]
@@ -198,7 +235,10 @@ mod tests {
             for other in 0..one {
                 let (left, right) = (look(one), look(other));
                 assert!(left != right, "{one} looks like {other}");
-                assert!(one >= 12 || (left.0 != right.0 && left.1 != right.1), "{one} is half of {other}");
+                assert!(
+                    one >= 12 || (left.0 != right.0 && left.1 != right.1),
+                    "{one} is half of {other}"
+                );
             }
         }
     }
@@ -207,7 +247,11 @@ mod tests {
     fn lab(color: Color) -> [f64; 3] {
         let linear = color.map(|channel| {
             let share = f64::from(channel) / 255.0;
-            if share <= 0.04045 { share / 12.92 } else { ((share + 0.055) / 1.055).powf(2.4) }
+            if share <= 0.04045 {
+                share / 12.92
+            } else {
+                ((share + 0.055) / 1.055).powf(2.4)
+            }
         });
         let [x, y, z] = [
             [0.4124 / 0.9505, 0.3576 / 0.9505, 0.1805 / 0.9505],
@@ -215,8 +259,16 @@ mod tests {
             [0.0193 / 1.089, 0.1192 / 1.089, 0.9505 / 1.089],
         ]
         .map(|row| {
-            let share: f64 = row.iter().zip(linear).map(|(weight, channel)| weight * channel).sum();
-            if share > 0.008856 { share.cbrt() } else { 7.787 * share + 16.0 / 116.0 }
+            let share: f64 = row
+                .iter()
+                .zip(linear)
+                .map(|(weight, channel)| weight * channel)
+                .sum();
+            if share > 0.008856 {
+                share.cbrt()
+            } else {
+                7.787 * share + 16.0 / 116.0
+            }
         });
         [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
     }
@@ -227,14 +279,25 @@ mod tests {
         for (one, &color) in PALETTE.iter().enumerate() {
             for other in (0..one).filter(|other| pattern(*other) == pattern(one)) {
                 let apart = (lab(color)[0] - lab(PALETTE[other])[0]).abs();
-                assert!(apart > 9.0, "looks {one} and {other} are {apart:.0} apart in grey and have one dash");
+                assert!(
+                    apart > 9.0,
+                    "looks {one} and {other} are {apart:.0} apart in grey and have one dash"
+                );
             }
         }
         for (one, &color) in PALETTE.iter().enumerate() {
             for (other, &before) in PALETTE[..one].iter().enumerate() {
                 let (left, right) = (lab(color), lab(before));
-                let distance = left.iter().zip(right).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
-                assert!(distance > 25.0, "colours {one} and {other} are {distance:.0} apart");
+                let distance = left
+                    .iter()
+                    .zip(right)
+                    .map(|(a, b)| (a - b).powi(2))
+                    .sum::<f64>()
+                    .sqrt();
+                assert!(
+                    distance > 25.0,
+                    "colours {one} and {other} are {distance:.0} apart"
+                );
             }
         }
     }

@@ -1,6 +1,7 @@
 //! Figures: curves as panels in a grid, with one legend outside the axes.
 //!
-//! Owns where everything is put. Knows nothing of files, and of plotters only that [`picture`] does. Start at [`draw`].
+//! Owns where everything is put. Knows nothing of files, and of plotters only that [`picture`]
+//! does. Start at [`draw`].
 
 mod caption;
 mod legend;
@@ -36,8 +37,15 @@ const LINE: f64 = 1.35; // of a text's size
 pub fn draw(data: &CurveData) -> Picture {
     let sheet = data.width.map_or(Sheet::SCREEN, Sheet::print);
     let grid = Grid::new(data, sheet);
-    let sheet = Sheet { width: grid.width, ..sheet };
-    let mut page = Page { shapes: Vec::new(), sheet, y: sheet.margin };
+    let sheet = Sheet {
+        width: grid.width,
+        ..sheet
+    };
+    let mut page = Page {
+        shapes: Vec::new(),
+        sheet,
+        y: sheet.margin,
+    };
     if !sheet.print {
         page.title(&data.title);
     }
@@ -60,8 +68,17 @@ pub fn draw(data: &CurveData) -> Picture {
         page.y += below.height();
     }
     let notes = notes(data);
-    page.notes(&if sheet.print { notes.lacking } else { notes.all() });
-    Picture { width: sheet.width, height: page.y + sheet.margin, dpi: sheet.dpi, shapes: page.shapes }
+    page.notes(&if sheet.print {
+        notes.lacking
+    } else {
+        notes.all()
+    });
+    Picture {
+        width: sheet.width,
+        height: page.y + sheet.margin,
+        dpi: sheet.dpi,
+        shapes: page.shapes,
+    }
 }
 
 /// Where the panels stand.
@@ -85,12 +102,21 @@ impl Grid {
         let panels = data.panels.len().max(1);
         let left = sheet.margin + 1.6 * sheet.text;
         if sheet.print {
-            let most = ((sheet.width - left - sheet.margin) / Self::NARROWEST).floor().max(1.0) as usize;
+            let most = ((sheet.width - left - sheet.margin) / Self::NARROWEST)
+                .floor()
+                .max(1.0) as usize;
             let columns = panels.div_ceil(panels.div_ceil(most));
             let panel_width = (sheet.width - left - sheet.margin) / columns as f64;
             let axes = (Self::SHAPE * panel_width).min(140.0);
             let height = panel::height(&sheet, axes);
-            return Self { sheet, width: sheet.width, panels, columns, panel_width, height };
+            return Self {
+                sheet,
+                width: sheet.width,
+                panels,
+                columns,
+                panel_width,
+                height,
+            };
         }
         let columns = match panels {
             1 => 1,
@@ -98,7 +124,14 @@ impl Grid {
             _ => 3,
         };
         let (width, height) = [(400.0, 240.0), (600.0, 205.0), (sheet.width, 175.0)][columns - 1];
-        Self { sheet, width, panels, columns, panel_width: (width - left - sheet.margin) / columns as f64, height }
+        Self {
+            sheet,
+            width,
+            panels,
+            columns,
+            panel_width: (width - left - sheet.margin) / columns as f64,
+            height,
+        }
     }
 
     fn rows(&self) -> usize {
@@ -119,7 +152,10 @@ impl Grid {
             let own = panel::label_width(data, panel, sheet, self.height);
             labels[index % self.columns] = f64::max(labels[index % self.columns], own);
         }
-        let mut curves = data.panels.iter().flat_map(|panel| panel.curves.iter().flatten());
+        let mut curves = data
+            .panels
+            .iter()
+            .flat_map(|panel| panel.curves.iter().flatten());
         let any_paper = curves.any(|curve| curve.paper.is_some());
         for (index, panel) in data.panels.iter().enumerate() {
             let (column, row) = (index % self.columns, index / self.columns);
@@ -129,10 +165,20 @@ impl Grid {
                 width: self.panel_width,
                 height: self.height,
                 labels: labels[column],
-                gutter: if any_paper { sheet.scaled(panel::GUTTER) } else { 0.0 },
+                gutter: if any_paper {
+                    sheet.scaled(panel::GUTTER)
+                } else {
+                    0.0
+                },
                 x_label: index + self.columns >= self.panels,
             };
-            page.shapes.extend(panel::draw(data, panel, &title(data, panel, index), sheet, frame));
+            page.shapes.extend(panel::draw(
+                data,
+                panel,
+                &title(data, panel, index),
+                sheet,
+                frame,
+            ));
             if column == 0 {
                 let at = (sheet.margin + sheet.text, frame.top + self.height / 2.0);
                 let mut label = text(&data.y_label, at, Anchor::Middle, sheet.text, BLACK);
@@ -144,13 +190,17 @@ impl Grid {
     }
 }
 
-/// What stands above a panel; in print with its letter, where there are several, and the paper's name of its environment.
+/// What stands above a panel; in print with its letter, where there are several, and the paper's
+/// name of its environment.
 fn title(data: &CurveData, panel: &Panel, index: usize) -> String {
     if data.width.is_none() {
         return panel.title.clone();
     }
     let name = axis::paper_family(&panel.title);
-    match u8::try_from(index).ok().filter(|index| *index < 26 && data.panels.len() > 1) {
+    match u8::try_from(index)
+        .ok()
+        .filter(|index| *index < 26 && data.panels.len() > 1)
+    {
         Some(index) => format!("({}) {name}", char::from(b'a' + index)),
         None => name.to_owned(),
     }
@@ -169,7 +219,8 @@ impl Page {
         for line in wrap(title, size, self.sheet.width - 2.0 * self.sheet.margin) {
             self.y += size * LINE;
             let at = (self.sheet.width / 2.0, self.y - 0.3 * size);
-            self.shapes.push(Shape::Text(text(&line, at, Anchor::Middle, size, BLACK)));
+            self.shapes
+                .push(Shape::Text(text(&line, at, Anchor::Middle, size, BLACK)));
         }
         self.y += 4.0;
     }
@@ -181,7 +232,13 @@ impl Page {
         let (size, margin) = (self.sheet.note, self.sheet.margin);
         for line in wrap(notes, size, self.sheet.width - 2.0 * margin) {
             self.y += size * LINE;
-            self.shapes.push(Shape::Text(text(&line, (margin, self.y), Anchor::Start, size, GREY)));
+            self.shapes.push(Shape::Text(text(
+                &line,
+                (margin, self.y),
+                Anchor::Start,
+                size,
+                GREY,
+            )));
         }
         self.y += 0.2 * size;
     }

@@ -12,7 +12,8 @@ use crate::{
     spec::Band,
 };
 
-/// Where a panel lies on the page, everything that belongs to it included but the name of the x axis, which hangs below.
+/// Where a panel lies on the page, everything that belongs to it included but the name of the x
+/// axis, which hangs below.
 #[derive(Debug, Clone, Copy)]
 pub struct Frame {
     /// Its left edge.
@@ -51,7 +52,11 @@ impl Axes {
     fn height_of(&self, y: f64) -> f64 {
         let height = self.bottom - self.y.fraction(y) * (self.bottom - self.top);
         // A logarithm of 0 or less is at the bottom.
-        if height.is_nan() { self.bottom } else { height.clamp(self.top, self.bottom) }
+        if height.is_nan() {
+            self.bottom
+        } else {
+            height.clamp(self.top, self.bottom)
+        }
     }
 }
 
@@ -84,7 +89,10 @@ pub fn height(sheet: &Sheet, axes: f64) -> f64 {
 /// The room that the labels of a panel's y axis take.
 pub fn label_width(data: &CurveData, panel: &Panel, sheet: &Sheet, height: f64) -> f64 {
     let ticks = y_scale(data, panel).ticks(wanted(sheet, height));
-    ticks.iter().map(|tick| text_width(&tick.label, sheet.tick)).fold(sheet.scaled(12.0), f64::max)
+    ticks
+        .iter()
+        .map(|tick| text_width(&tick.label, sheet.tick))
+        .fold(sheet.scaled(12.0), f64::max)
 }
 
 /// Labels of the y axis in a panel of `height`, about.
@@ -93,9 +101,19 @@ fn wanted(sheet: &Sheet, height: f64) -> usize {
 }
 
 /// The shapes of `panel`, under `title`, in `frame`.
-pub fn draw(data: &CurveData, panel: &Panel, title: &str, sheet: &Sheet, frame: Frame) -> Vec<Shape> {
-    let curves: Vec<(usize, &Curve)> =
-        panel.curves.iter().enumerate().filter_map(|(index, curve)| Some((index, curve.as_ref()?))).collect();
+pub fn draw(
+    data: &CurveData,
+    panel: &Panel,
+    title: &str,
+    sheet: &Sheet,
+    frame: Frame,
+) -> Vec<Shape> {
+    let curves: Vec<(usize, &Curve)> = panel
+        .curves
+        .iter()
+        .enumerate()
+        .filter_map(|(index, curve)| Some((index, curve.as_ref()?)))
+        .collect();
     // On whole points, so that all frames' lines look alike.
     let axes = Axes {
         left: (frame.left + frame.labels + sheet.scaled(10.0)).round(),
@@ -107,21 +125,52 @@ pub fn draw(data: &CurveData, panel: &Panel, title: &str, sheet: &Sheet, frame: 
     };
     let mut shapes = Vec::new();
     let middle = (axes.left + axes.right) / 2.0;
-    let room = 2.0 * (middle - frame.left).min(frame.left + frame.width - middle) - sheet.scaled(4.0);
+    let room =
+        2.0 * (middle - frame.left).min(frame.left + frame.width - middle) - sheet.scaled(4.0);
     let at = (middle, axes.top - sheet.scaled(5.0));
-    shapes.push(Shape::Text(text(&fit(title, sheet.text, room), at, Anchor::Middle, sheet.text, BLACK)));
+    shapes.push(Shape::Text(text(
+        &fit(title, sheet.text, room),
+        at,
+        Anchor::Middle,
+        sheet.text,
+        BLACK,
+    )));
     if curves.iter().all(|(_, curve)| curve.points.is_empty()) {
         let at = (middle, (axes.top + axes.bottom) / 2.0);
-        shapes.push(Shape::Text(text(&why_empty(data, &curves), at, Anchor::Middle, sheet.text, GREY)));
+        shapes.push(Shape::Text(text(
+            &why_empty(data, &curves),
+            at,
+            Anchor::Middle,
+            sheet.text,
+            GREY,
+        )));
     } else {
-        let x_ticks = x_ticks(data, &axes.x, ((axes.right - axes.left) / (4.7 * sheet.tick)) as usize);
-        shapes.extend(grid(sheet, &axes, &x_ticks, &axes.y.ticks(wanted(sheet, frame.height))));
+        let x_ticks = x_ticks(
+            data,
+            &axes.x,
+            ((axes.right - axes.left) / (4.7 * sheet.tick)) as usize,
+        );
+        shapes.extend(grid(
+            sheet,
+            &axes,
+            &x_ticks,
+            &axes.y.ticks(wanted(sheet, frame.height)),
+        ));
         shapes.extend(lines(data, panel, sheet, &axes));
     }
     shapes.extend(outline(sheet, &axes));
     if frame.x_label {
-        let at = (middle, axes.bottom + 1.1 * sheet.tick + sheet.scaled(2.0) + 1.35 * sheet.text);
-        shapes.push(Shape::Text(text(data.across.label(), at, Anchor::Middle, sheet.text, BLACK)));
+        let at = (
+            middle,
+            axes.bottom + 1.1 * sheet.tick + sheet.scaled(2.0) + 1.35 * sheet.text,
+        );
+        shapes.push(Shape::Text(text(
+            data.across.label(),
+            at,
+            Anchor::Middle,
+            sheet.text,
+            BLACK,
+        )));
     }
     shapes
 }
@@ -143,12 +192,20 @@ pub fn x_scale(data: &CurveData, panel: &Panel) -> Scale {
     let (low, high) = match data.across {
         Across::Scores(low, high) => (low, high),
         Across::Steps => {
-            let points = panel.curves.iter().flatten().flat_map(|curve| &curve.points);
+            let points = panel
+                .curves
+                .iter()
+                .flatten()
+                .flat_map(|curve| &curve.points);
             let end = points.map(|point| point.env_steps).fold(0.0, f64::max);
             (0.0, if end > 0.0 { end * 1.02 } else { 1.0 })
         }
     };
-    Scale { low, high, log: false }
+    Scale {
+        low,
+        high,
+        log: false,
+    }
 }
 
 /// The marks of the x axis.
@@ -159,8 +216,8 @@ pub fn x_ticks(data: &CurveData, x: &Scale, wanted: usize) -> Vec<Tick> {
     }
 }
 
-/// All means and references lie inside; bands count as far as half that extent beyond it, since the interval of two seeds
-/// would else leave nothing of the curves.
+/// All means and references lie inside; bands count as far as half that extent beyond it, since the
+/// interval of two seeds would else leave nothing of the curves.
 pub fn y_scale(data: &CurveData, panel: &Panel) -> Scale {
     let curves = || panel.curves.iter().flatten();
     let values = curves()
@@ -168,11 +225,17 @@ pub fn y_scale(data: &CurveData, panel: &Panel) -> Scale {
             let means = curve.points.iter().map(|point| point.mean);
             let singles = drawn_singles(data, curve).flatten().map(|point| point.1);
             let raw = curve.raw.iter().map(|point| point.1);
-            means.chain(singles).chain(raw).chain(curve.paper).chain(curve.tolerance.iter().map(|point| point.1))
+            means
+                .chain(singles)
+                .chain(raw)
+                .chain(curve.paper)
+                .chain(curve.tolerance.iter().map(|point| point.1))
         })
         .chain(panel.demo);
     let inner = Scale::around(values, data.log_y);
-    let bands = curves().flat_map(|curve| &curve.points).filter_map(|point| point.band);
+    let bands = curves()
+        .flat_map(|curve| &curve.points)
+        .filter_map(|point| point.band);
     let (mut low, mut high) = (0.0_f64, 1.0_f64);
     for band in bands {
         low = low.min(inner.fraction(band.0).max(-0.5));
@@ -184,7 +247,11 @@ pub fn y_scale(data: &CurveData, panel: &Panel) -> Scale {
 fn grid(sheet: &Sheet, axes: &Axes, x_ticks: &[Tick], y_ticks: &[Tick]) -> Vec<Shape> {
     let mut shapes = Vec::new();
     let mut line = |points: [(f64, f64); 2], color| {
-        shapes.push(Shape::Line { points: points.to_vec(), width: sheet.frame, color });
+        shapes.push(Shape::Line {
+            points: points.to_vec(),
+            width: sheet.frame,
+            color,
+        });
     };
     let (long, short, gap) = (sheet.scaled(3.0), sheet.scaled(2.0), sheet.scaled(5.0));
     for tick in y_ticks {
@@ -202,27 +269,61 @@ fn grid(sheet: &Sheet, axes: &Axes, x_ticks: &[Tick], y_ticks: &[Tick]) -> Vec<S
     }
     for tick in y_ticks.iter().filter(|tick| !tick.label.is_empty()) {
         let at = (axes.left - gap, axes.height_of(tick.at) + 0.36 * sheet.tick);
-        shapes.push(Shape::Text(text(&tick.label, at, Anchor::End, sheet.tick, BLACK)));
+        shapes.push(Shape::Text(text(
+            &tick.label,
+            at,
+            Anchor::End,
+            sheet.tick,
+            BLACK,
+        )));
     }
     for tick in x_ticks {
-        let at = (axes.at(tick.at, 0.0).0, axes.bottom + sheet.scaled(4.0) + sheet.tick);
-        shapes.push(Shape::Text(text(&tick.label, at, Anchor::Middle, sheet.tick, BLACK)));
+        let at = (
+            axes.at(tick.at, 0.0).0,
+            axes.bottom + sheet.scaled(4.0) + sheet.tick,
+        );
+        shapes.push(Shape::Text(text(
+            &tick.label,
+            at,
+            Anchor::Middle,
+            sheet.tick,
+            BLACK,
+        )));
     }
     shapes
 }
 
 fn outline(sheet: &Sheet, axes: &Axes) -> [Shape; 1] {
-    let Axes { left, right, top, bottom, .. } = *axes;
+    let Axes {
+        left,
+        right,
+        top,
+        bottom,
+        ..
+    } = *axes;
     // Once around and a little further, so that the corner where it begins is a joint too.
-    let points = vec![(left, top), (right, top), (right, bottom), (left, bottom), (left, top), (right, top)];
-    [Shape::Line { points, width: 1.1 * sheet.frame, color: BLACK }]
+    let points = vec![
+        (left, top),
+        (right, top),
+        (right, bottom),
+        (left, bottom),
+        (left, top),
+        (right, top),
+    ];
+    [Shape::Line {
+        points,
+        width: 1.1 * sheet.frame,
+        color: BLACK,
+    }]
 }
 
-/// From the back to the front: bands, single seeds, what was smoothed, the demonstration, tolerances, curves, markers, the paper's
-/// values.
+/// From the back to the front: bands, single seeds, what was smoothed, the demonstration,
+/// tolerances, curves, markers, the paper's values.
 fn lines(data: &CurveData, panel: &Panel, sheet: &Sheet, axes: &Axes) -> Vec<Shape> {
     let looks = data.looks.iter().zip(&panel.curves);
-    let curves: Vec<(usize, &Curve)> = looks.filter_map(|(&look, curve)| Some((look, curve.as_ref()?))).collect();
+    let curves: Vec<(usize, &Curve)> = looks
+        .filter_map(|(&look, curve)| Some((look, curve.as_ref()?)))
+        .collect();
     let mut shapes = Vec::new();
     for (look, curve) in &curves {
         shapes.extend(band(*look, curve, axes));
@@ -235,13 +336,22 @@ fn lines(data: &CurveData, panel: &Panel, sheet: &Sheet, axes: &Axes) -> Vec<Sha
         shapes.extend(Look::Demo.line(sheet, &[(axes.left, y), (axes.right, y)], GREY));
     }
     for (look, curve) in curves.iter().filter(|(_, curve)| curve.tolerance.len() > 1) {
-        let points: Vec<_> = curve.tolerance.iter().map(|&(x, y)| axes.at(x, y)).collect();
+        let points: Vec<_> = curve
+            .tolerance
+            .iter()
+            .map(|&(x, y)| axes.at(x, y))
+            .collect();
         shapes.extend(Look::Tolerance.line(sheet, &points, look::color(*look)));
     }
     let count = markers(axes);
-    let paths: Vec<(usize, Vec<Path>)> =
-        curves.iter().map(|(look, curve)| (*look, stretches(curve, axes, count))).collect();
-    for (look, stretch) in paths.iter().flat_map(|(look, path)| path.iter().map(move |stretch| (*look, stretch))) {
+    let paths: Vec<(usize, Vec<Path>)> = curves
+        .iter()
+        .map(|(look, curve)| (*look, stretches(curve, axes, count)))
+        .collect();
+    for (look, stretch) in paths
+        .iter()
+        .flat_map(|(look, path)| path.iter().map(move |stretch| (*look, stretch)))
+    {
         match stretch.as_slice() {
             [alone] => shapes.push(look::dot(sheet, look, *alone)),
             _ => shapes.extend(Look::Series(look).line(sheet, stretch, BLACK)),
@@ -249,16 +359,25 @@ fn lines(data: &CurveData, panel: &Panel, sheet: &Sheet, axes: &Axes) -> Vec<Sha
     }
     for (turn, (look, path)) in paths.iter().enumerate() {
         let drawn = |at: &(f64, f64)| {
-            let over = |stretch: &Path| Some(stretch.first()?.0 <= at.0 && at.0 <= stretch.last()?.0);
+            let over =
+                |stretch: &Path| Some(stretch.first()?.0 <= at.0 && at.0 <= stretch.last()?.0);
             path.iter().any(|stretch| over(stretch) == Some(true))
         };
         let marks = marked(&path.concat(), count, turn as f64 / paths.len() as f64);
-        shapes.extend(marks.into_iter().filter(drawn).flat_map(|at| look::marker(sheet, *look, at)));
+        shapes.extend(
+            marks
+                .into_iter()
+                .filter(drawn)
+                .flat_map(|at| look::marker(sheet, *look, at)),
+        );
     }
     for (look, curve) in &curves {
         if let Some(paper) = curve.paper {
             let (y, gap) = (axes.height_of(paper), sheet.scaled(2.0));
-            let points = [(axes.right + gap, y), (axes.right + sheet.scaled(GUTTER), y)];
+            let points = [
+                (axes.right + gap, y),
+                (axes.right + sheet.scaled(GUTTER), y),
+            ];
             shapes.extend(Look::Paper.line(sheet, &points, look::color(*look)));
         }
     }
@@ -271,16 +390,26 @@ fn markers(axes: &Axes) -> usize {
 }
 
 /// The seeds that are drawn as lines of their own.
-fn drawn_singles<'a>(data: &CurveData, curve: &'a Curve) -> impl Iterator<Item = &'a Vec<(f64, f64)>> {
+fn drawn_singles<'a>(
+    data: &CurveData,
+    curve: &'a Curve,
+) -> impl Iterator<Item = &'a Vec<(f64, f64)>> {
     let wanted = data.band == Band::Seeds;
-    curve.singles.iter().filter(move |_| wanted).map(|single| &single.points)
+    curve
+        .singles
+        .iter()
+        .filter(move |_| wanted)
+        .map(|single| &single.points)
 }
 
 /// The lines of single seeds, and of the mean before it was smoothed.
 fn faint(data: &CurveData, look: usize, curve: &Curve, sheet: &Sheet, axes: &Axes) -> Vec<Shape> {
-    let stretches = drawn_singles(data, curve).chain([&curve.raw]).flat_map(|line| {
-        line.chunk_by(|left, right| !curve.gap_between(left.0, right.0)).filter(|stretch| stretch.len() > 1)
-    });
+    let stretches = drawn_singles(data, curve)
+        .chain([&curve.raw])
+        .flat_map(|line| {
+            line.chunk_by(|left, right| !curve.gap_between(left.0, right.0))
+                .filter(|stretch| stretch.len() > 1)
+        });
     let line = |stretch: &[(f64, f64)]| Shape::Line {
         points: stretch.iter().map(|&(x, y)| axes.at(x, y)).collect(),
         width: 0.5 * sheet.curve,
@@ -289,15 +418,20 @@ fn faint(data: &CurveData, look: usize, curve: &Curve, sheet: &Sheet, axes: &Axe
     stretches.map(line).collect()
 }
 
-/// The lines of a curve: its stretches between gaps; of one that does not train, a level line from side to side, of more
-/// points than it gets markers.
+/// The lines of a curve: its stretches between gaps; of one that does not train, a level line from
+/// side to side, of more points than it gets markers.
 fn stretches(curve: &Curve, axes: &Axes, markers: usize) -> Vec<Path> {
     if let Some(level) = curve.level() {
         let (y, width) = (axes.height_of(level.mean), axes.right - axes.left);
         let x = |index: usize| axes.left + width * index as f64 / (markers + 1) as f64;
         return vec![(0..=markers + 1).map(|index| (x(index), y)).collect()];
     }
-    let at = |points: &[Point]| points.iter().map(|point| axes.at(point.env_steps, point.mean)).collect();
+    let at = |points: &[Point]| {
+        points
+            .iter()
+            .map(|point| axes.at(point.env_steps, point.mean))
+            .collect()
+    };
     curve.stretches().map(at).collect()
 }
 
@@ -306,31 +440,58 @@ fn band(look: usize, curve: &Curve, axes: &Axes) -> Vec<Shape> {
     let color = look::color(look);
     if let Some((low, high)) = curve.level().and_then(|level| level.band) {
         let (low, high) = (axes.height_of(low), axes.height_of(high));
-        let points = vec![(axes.left, low), (axes.right, low), (axes.right, high), (axes.left, high)];
-        return vec![Shape::Area { points, color, opacity: BAND }];
+        let points = vec![
+            (axes.left, low),
+            (axes.right, low),
+            (axes.right, high),
+            (axes.left, high),
+        ];
+        return vec![Shape::Area {
+            points,
+            color,
+            opacity: BAND,
+        }];
     }
     let of_stretch = |points: &[Point]| {
         let ends = points.iter().filter_map(|point| {
             let (low, high) = point.band?;
-            Some((axes.at(point.env_steps, low), axes.at(point.env_steps, high)))
+            Some((
+                axes.at(point.env_steps, low),
+                axes.at(point.env_steps, high),
+            ))
         });
         let ends: Vec<_> = ends.collect();
         match ends.as_slice() {
             [] => None,
-            [(low, high)] => Some(Shape::Line { points: vec![*low, *high], width: 1.0, color }),
+            [(low, high)] => Some(Shape::Line {
+                points: vec![*low, *high],
+                width: 1.0,
+                color,
+            }),
             _ => {
-                let points = ends.iter().map(|end| end.0).chain(ends.iter().rev().map(|end| end.1)).collect();
-                Some(Shape::Area { points, color, opacity: BAND })
+                let points = ends
+                    .iter()
+                    .map(|end| end.0)
+                    .chain(ends.iter().rev().map(|end| end.1))
+                    .collect();
+                Some(Shape::Area {
+                    points,
+                    color,
+                    opacity: BAND,
+                })
             }
         }
     };
     curve.stretches().filter_map(of_stretch).collect()
 }
 
-/// Where a curve's markers stand: at every point of a short curve, else `count` evenly along x, `shift` (0 to 1) of their
-/// distance on, so that the markers of several curves do not hide each other.
+/// Where a curve's markers stand: at every point of a short curve, else `count` evenly along x,
+/// `shift` (0 to 1) of their distance on, so that the markers of several curves do not hide each
+/// other.
 fn marked(path: &[(f64, f64)], count: usize, shift: f64) -> Vec<(f64, f64)> {
-    let (Some(first), Some(last)) = (path.first(), path.last()) else { return Vec::new() };
+    let (Some(first), Some(last)) = (path.first(), path.last()) else {
+        return Vec::new();
+    };
     if path.len() <= count {
         return path.to_vec();
     }

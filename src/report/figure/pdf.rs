@@ -32,7 +32,11 @@ const OPACITIES: i32 = 10;
 const FONT_NAME: Name = Name(b"F");
 /// Six letters stand for the part of the font that is there.
 const BASE_FONT: Name = Name(b"MCPORN+DejaVuSans");
-const IDENTITY: SystemInfo = SystemInfo { registry: Str(b"Adobe"), ordering: Str(b"Identity"), supplement: 0 };
+const IDENTITY: SystemInfo = SystemInfo {
+    registry: Str(b"Adobe"),
+    ordering: Str(b"Identity"),
+    supplement: 0,
+};
 /// PDF measures glyphs in thousandths of an em.
 const EM: f32 = 1000.0;
 
@@ -48,15 +52,27 @@ impl Picture {
             .zip(opacities)
             .map(|(index, percent)| (percent, (format!("G{index}"), Ref::new(OPACITIES + index))))
             .collect();
-        let mut page = Page { content: Content::new(), height: self.height, font: Glyphs::default(), opacities };
+        let mut page = Page {
+            content: Content::new(),
+            height: self.height,
+            font: Glyphs::default(),
+            opacities,
+        };
         self.shapes.iter().for_each(|shape| page.shape(shape));
-        let Page { content, font, opacities, .. } = page;
+        let Page {
+            content,
+            font,
+            opacities,
+            ..
+        } = page;
 
         let mut pdf = Pdf::new();
         pdf.catalog(CATALOG).pages(PAGES);
         pdf.pages(PAGES).kids([PAGE]).count(1);
         let mut page = pdf.page(PAGE);
-        page.parent(PAGES).media_box(Rect::new(0.0, 0.0, self.width as f32, self.height as f32)).contents(CONTENT);
+        page.parent(PAGES)
+            .media_box(Rect::new(0.0, 0.0, self.width as f32, self.height as f32))
+            .contents(CONTENT);
         let mut resources = page.resources();
         resources.fonts().pair(FONT_NAME, FONT);
         let mut states = resources.ext_g_states();
@@ -67,9 +83,11 @@ impl Picture {
         resources.finish();
         page.finish();
         for (percent, (_, id)) in &opacities {
-            pdf.ext_graphics(*id).non_stroking_alpha(*percent as f32 / 100.0);
+            pdf.ext_graphics(*id)
+                .non_stroking_alpha(*percent as f32 / 100.0);
         }
-        pdf.stream(CONTENT, &deflated(&content.finish())?).filter(Filter::FlateDecode);
+        pdf.stream(CONTENT, &deflated(&content.finish())?)
+            .filter(Filter::FlateDecode);
         font.embed(&mut pdf)?;
         Ok(pdf.finish())
     }
@@ -100,9 +118,15 @@ impl Page {
 
     fn shape(&mut self, shape: &Shape) {
         match shape {
-            Shape::Line { points, width, color } => {
+            Shape::Line {
+                points,
+                width,
+                color,
+            } => {
                 let [red, green, blue] = unit(*color);
-                self.content.set_stroke_rgb(red, green, blue).set_line_width(*width as f32);
+                self.content
+                    .set_stroke_rgb(red, green, blue)
+                    .set_line_width(*width as f32);
                 self.content.set_line_join(LineJoinStyle::RoundJoin);
                 self.path(points);
                 self.content.stroke();
@@ -147,7 +171,11 @@ impl Page {
             true => [0.0, 1.0, -1.0, 0.0, x, y + start],
         };
         let [red, green, blue] = unit(text.color);
-        self.content.begin_text().set_font(FONT_NAME, size).set_fill_rgb(red, green, blue).set_text_matrix(matrix);
+        self.content
+            .begin_text()
+            .set_font(FONT_NAME, size)
+            .set_fill_rgb(red, green, blue)
+            .set_text_matrix(matrix);
         let mut shown = self.content.show_positioned();
         let mut items = shown.items();
         let mut pen = 0.0;
@@ -183,14 +211,22 @@ impl Glyphs {
 
     fn embed(&self, pdf: &mut Pdf) -> io::Result<()> {
         let program = subsetter::subset(FONT_FILE, 0, &self.mapper).map_err(io::Error::other)?;
-        let Metrics { ascent, descent, cap_height, .. } = metrics();
+        let Metrics {
+            ascent,
+            descent,
+            cap_height,
+            ..
+        } = metrics();
         pdf.type0_font(FONT)
             .base_font(BASE_FONT)
             .encoding_predefined(Name(b"Identity-H"))
             .descendant_font(CID_FONT)
             .to_unicode(TO_UNICODE);
         let mut font = pdf.cid_font(CID_FONT);
-        font.subtype(CidFontType::Type2).base_font(BASE_FONT).system_info(IDENTITY).font_descriptor(DESCRIPTOR);
+        font.subtype(CidFontType::Type2)
+            .base_font(BASE_FONT)
+            .system_info(IDENTITY)
+            .font_descriptor(DESCRIPTOR);
         font.cid_to_gid_map_predefined(Name(b"Identity"));
         let mut widths = font.widths();
         for (id, (_, advance)) in &self.used {
@@ -209,9 +245,13 @@ impl Glyphs {
             .stem_v(90.0)
             .font_file2(FONT_PROGRAM);
         let length = program.len() as i32;
-        pdf.stream(FONT_PROGRAM, &deflated(&program)?).filter(Filter::FlateDecode).pair(Name(b"Length1"), length);
+        pdf.stream(FONT_PROGRAM, &deflated(&program)?)
+            .filter(Filter::FlateDecode)
+            .pair(Name(b"Length1"), length);
         let mut unicode = UnicodeCmap::new(Name(b"Adobe-Identity-UCS"), IDENTITY);
-        self.used.iter().for_each(|(id, (character, _))| unicode.pair(*id, *character));
+        self.used
+            .iter()
+            .for_each(|(id, (character, _))| unicode.pair(*id, *character));
         pdf.cmap(TO_UNICODE, &unicode.finish());
         Ok(())
     }
@@ -234,20 +274,47 @@ mod tests {
     use super::*;
 
     fn picture(text: &str) -> Picture {
-        let line = Shape::Line { points: vec![(10.0, 10.0), (90.0, 10.0)], width: 1.0, color: [0, 0, 0] };
+        let line = Shape::Line {
+            points: vec![(10.0, 10.0), (90.0, 10.0)],
+            width: 1.0,
+            color: [0, 0, 0],
+        };
         let corners = vec![(10.0, 20.0), (90.0, 20.0), (90.0, 40.0)];
-        let area = Shape::Area { points: corners, color: [255, 0, 0], opacity: 0.16 };
+        let area = Shape::Area {
+            points: corners,
+            color: [255, 0, 0],
+            opacity: 0.16,
+        };
         let (at, anchor, size, color) = ((50.0, 50.0), Anchor::Middle, 8.0, [0, 0, 0]);
-        let text = Text { text: text.into(), at, anchor, size, color, upwards: false };
-        Picture { width: 100.0, height: 60.0, dpi: 300, shapes: vec![area, line, Shape::Text(text)] }
+        let text = Text {
+            text: text.into(),
+            at,
+            anchor,
+            size,
+            color,
+            upwards: false,
+        };
+        Picture {
+            width: 100.0,
+            height: 60.0,
+            dpi: 300,
+            shapes: vec![area, line, Shape::Text(text)],
+        }
     }
 
     /// The inflated streams of a PDF of ours.
     fn streams(pdf: &[u8]) -> Vec<Vec<u8>> {
-        let starts = pdf.windows(7).enumerate().filter(|(_, window)| *window == b"stream\n").map(|(at, _)| at + 7);
+        let starts = pdf
+            .windows(7)
+            .enumerate()
+            .filter(|(_, window)| *window == b"stream\n")
+            .map(|(at, _)| at + 7);
         let inflated = starts.filter_map(|start| {
             let mut bytes = Vec::new();
-            flate2::read::ZlibDecoder::new(&pdf[start..]).read_to_end(&mut bytes).ok().map(|_| bytes)
+            flate2::read::ZlibDecoder::new(&pdf[start..])
+                .read_to_end(&mut bytes)
+                .ok()
+                .map(|_| bytes)
         });
         inflated.filter(|bytes| !bytes.is_empty()).collect()
     }
@@ -255,21 +322,44 @@ mod tests {
     #[test]
     fn a_pdf_has_its_page_and_a_part_of_the_font_that_can_draw_its_text() {
         let pdf = picture("AVAVA ± 10⁻³ ε").pdf().expect("written");
-        assert!(pdf.starts_with(b"%PDF-1.7") && pdf.len() < 30_000, "{} bytes", pdf.len());
-        assert_eq!(pdf, picture("AVAVA ± 10⁻³ ε").pdf().expect("written"), "the same picture gives the same bytes");
+        assert!(
+            pdf.starts_with(b"%PDF-1.7") && pdf.len() < 30_000,
+            "{} bytes",
+            pdf.len()
+        );
+        assert_eq!(
+            pdf,
+            picture("AVAVA ± 10⁻³ ε").pdf().expect("written"),
+            "the same picture gives the same bytes"
+        );
         let streams = streams(&pdf);
         let content = String::from_utf8_lossy(&streams[0]);
-        assert!(content.contains("10 50 m") && content.contains("90 50 l"), "y goes up: {content}");
-        assert!(content.contains("/G0 gs"), "a band is translucent: {content}");
+        assert!(
+            content.contains("10 50 m") && content.contains("90 50 l"),
+            "y goes up: {content}"
+        );
+        assert!(
+            content.contains("/G0 gs"),
+            "a band is translucent: {content}"
+        );
         let program = &streams[1];
         let face = ab_glyph::FontRef::try_from_slice(program);
-        assert!(face.is_err() || program.len() < FONT_FILE.len() / 10, "the whole font is in it");
+        assert!(
+            face.is_err() || program.len() < FONT_FILE.len() / 10,
+            "the whole font is in it"
+        );
         let text = String::from_utf8_lossy(&pdf);
-        assert!(text.contains("/FontFile2") && text.contains("/MediaBox [0 0 100 60]"), "{text}");
+        assert!(
+            text.contains("/FontFile2") && text.contains("/MediaBox [0 0 100 60]"),
+            "{text}"
+        );
         // Every character can be copied out of it again.
         for character in "AV±10⁻³ε".chars() {
             let code = format!("<{:04X}>", u32::from(character));
-            assert!(text.contains(&code), "{character} is not in the map: {text}");
+            assert!(
+                text.contains(&code),
+                "{character} is not in the map: {text}"
+            );
         }
     }
 }

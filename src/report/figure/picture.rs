@@ -1,8 +1,10 @@
 //! A picture as a list of shapes, and its way to PNG and SVG.
 //!
-//! Owns the font and everything of plotters, which is named here alone. Knows nothing of curves. Start at [`Picture`].
+//! Owns the font and everything of plotters, which is named here alone. Knows nothing of curves.
+//! Start at [`Picture`].
 //!
-//! Coordinates are points (1/72 inch), x to the right and y down. The same shapes give the same bytes, always.
+//! Coordinates are points (1/72 inch), x to the right and y down. The same shapes give the same
+//! bytes, always.
 
 use std::{collections::BTreeSet, io, sync::LazyLock};
 
@@ -10,7 +12,8 @@ use ab_glyph::{Font, FontRef, PxScale, ScaleFont, point};
 use plotters::{
     prelude::{BitMapBackend, DrawingBackend, SVGBackend},
     style::{
-        Color as _, FontDesc, FontFamily, FontStyle, FontTransform, RGBAColor, RGBColor, ShapeStyle, TextStyle,
+        Color as _, FontDesc, FontFamily, FontStyle, FontTransform, RGBAColor, RGBColor,
+        ShapeStyle, TextStyle,
         text_anchor::{HPos, Pos, VPos},
     },
 };
@@ -27,8 +30,9 @@ const SVG_FONT: &str = "DejaVu Sans, Verdana, sans-serif";
 /// The font of all text.
 pub const FONT_FILE: &[u8] = include_bytes!("font/DejaVuSans.ttf");
 
-static FONT: LazyLock<FontRef<'static>> =
-    LazyLock::new(|| FontRef::try_from_slice(FONT_FILE).expect("the embedded font is checked by the tests"));
+static FONT: LazyLock<FontRef<'static>> = LazyLock::new(|| {
+    FontRef::try_from_slice(FONT_FILE).expect("the embedded font is checked by the tests")
+});
 
 /// What the font measures, in ems.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -53,7 +57,12 @@ impl Metrics {
 pub fn metrics() -> Metrics {
     let em = FONT.units_per_em().unwrap_or(2048.0);
     let (ascent, descent) = (FONT.ascent_unscaled() / em, FONT.descent_unscaled() / em);
-    Metrics { ascent, descent, cap_height: 0.729, em } // the height of its H
+    Metrics {
+        ascent,
+        descent,
+        cap_height: 0.729,
+        em,
+    } // the height of its H
 }
 
 /// Red, green, blue.
@@ -157,8 +166,8 @@ impl Picture {
     /// None that the encoder gives for a buffer in memory.
     pub fn png(&self) -> io::Result<Vec<u8>> {
         let fine = f64::from(self.dpi * SAMPLES) / INCH;
-        let size =
-            [self.width, self.height].map(|points| (points * f64::from(self.dpi) / INCH).ceil() as u32 * SAMPLES);
+        let size = [self.width, self.height]
+            .map(|points| (points * f64::from(self.dpi) / INCH).ceil() as u32 * SAMPLES);
         let size = (size[0], size[1]);
         let mut pixels = vec![255; (size.0 * size.1 * 3) as usize];
         let mut bitmap = BitMapBackend::with_buffer(&mut pixels, size);
@@ -166,7 +175,11 @@ impl Picture {
             draw_pixels(&mut bitmap, shape, fine)?;
         }
         drop(bitmap);
-        encode(&coarser(&pixels, size), (size.0 / SAMPLES, size.1 / SAMPLES), self.dpi)
+        encode(
+            &coarser(&pixels, size),
+            (size.0 / SAMPLES, size.1 / SAMPLES),
+            self.dpi,
+        )
     }
 
     /// The picture as an SVG; its text stays text.
@@ -186,7 +199,11 @@ impl Picture {
         // Fine units inside, points outside: plotters knows one size for both.
         let points = (size.0 / SVG_UNITS, size.1 / SVG_UNITS);
         let fine = format!("width=\"{}\" height=\"{}\"", size.0, size.1);
-        Ok(text.replacen(&fine, &format!("width=\"{}pt\" height=\"{}pt\"", points.0, points.1), 1))
+        Ok(text.replacen(
+            &fine,
+            &format!("width=\"{}pt\" height=\"{}pt\"", points.0, points.1),
+            1,
+        ))
     }
 
     /// The characters of its text that the embedded font does not have.
@@ -195,7 +212,10 @@ impl Picture {
             Shape::Text(text) => Some(&text.text),
             Shape::Line { .. } | Shape::Area { .. } => None,
         });
-        texts.flat_map(|text| text.chars()).filter(|character| FONT.glyph_id(*character).0 == 0).collect()
+        texts
+            .flat_map(|text| text.chars())
+            .filter(|character| FONT.glyph_id(*character).0 == 0)
+            .collect()
     }
 
     fn size(&self, units: u32) -> (u32, u32) {
@@ -207,7 +227,11 @@ impl Picture {
 fn draw_pixels(bitmap: &mut BitMapBackend<'_>, shape: &Shape, fine: f64) -> io::Result<()> {
     let pixel = |(x, y): (f64, f64)| ((x * fine).round() as i32, (y * fine).round() as i32);
     match shape {
-        Shape::Line { points, width, color } => {
+        Shape::Line {
+            points,
+            width,
+            color,
+        } => {
             let style = filled(*color, 1.0);
             let half = width * fine / 2.0;
             for ends in points.windows(2) {
@@ -215,21 +239,36 @@ fn draw_pixels(bitmap: &mut BitMapBackend<'_>, shape: &Shape, fine: f64) -> io::
                 let length = (x1 - x0).hypot(y1 - y0);
                 if length > 0.0 {
                     let (dx, dy) = ((y1 - y0) / length * half, (x0 - x1) / length * half);
-                    let corners = [(x0 + dx, y0 + dy), (x1 + dx, y1 + dy), (x1 - dx, y1 - dy), (x0 - dx, y0 - dy)];
+                    let corners = [
+                        (x0 + dx, y0 + dy),
+                        (x1 + dx, y1 + dy),
+                        (x1 - dx, y1 - dy),
+                        (x0 - dx, y0 - dy),
+                    ];
                     let corners = corners.map(|(x, y)| (x.round() as i32, y.round() as i32));
-                    bitmap.fill_polygon(corners, &style).map_err(io::Error::other)?;
+                    bitmap
+                        .fill_polygon(corners, &style)
+                        .map_err(io::Error::other)?;
                 }
             }
             // Round joints where the line turns; its ends stay square, as dashes need.
-            let inner = points.get(1..points.len().saturating_sub(1)).unwrap_or_default();
+            let inner = points
+                .get(1..points.len().saturating_sub(1))
+                .unwrap_or_default();
             for &joint in inner.iter().filter(|_| half >= 2.0) {
-                bitmap.draw_circle(pixel(joint), half.round() as u32, &style, true).map_err(io::Error::other)?;
+                bitmap
+                    .draw_circle(pixel(joint), half.round() as u32, &style, true)
+                    .map_err(io::Error::other)?;
             }
             Ok(())
         }
-        Shape::Area { points, color, opacity } => {
-            bitmap.fill_polygon(points.iter().copied().map(pixel), &filled(*color, *opacity)).map_err(io::Error::other)
-        }
+        Shape::Area {
+            points,
+            color,
+            opacity,
+        } => bitmap
+            .fill_polygon(points.iter().copied().map(pixel), &filled(*color, *opacity))
+            .map_err(io::Error::other),
         Shape::Text(text) => draw_glyphs(bitmap, text, fine as f32),
     }
 }
@@ -243,18 +282,32 @@ fn draw_glyphs(bitmap: &mut BitMapBackend<'_>, text: &Text, fine: f32) -> io::Re
         Anchor::Middle => -width / 2.0,
         Anchor::End => -width,
     };
-    let (x0, y0) = ((text.at.0 as f32 * fine).round() as i32, (text.at.1 as f32 * fine).round() as i32);
+    let (x0, y0) = (
+        (text.at.0 as f32 * fine).round() as i32,
+        (text.at.1 as f32 * fine).round() as i32,
+    );
     let color = filled(text.color, 1.0).color;
     for (glyph, x) in glyphs {
         let placed = glyph.with_scale_and_position(scale(size), point(start + x, 0.0));
-        let Some(outline) = FONT.outline_glyph(placed) else { continue };
+        let Some(outline) = FONT.outline_glyph(placed) else {
+            continue;
+        };
         let corner = outline.px_bounds().min;
         let mut result = Ok(());
         outline.draw(|x, y, cover| {
             let (x, y) = (corner.x as i32 + x as i32, corner.y as i32 + y as i32);
-            let at = if text.upwards { (x0 + y, y0 - x) } else { (x0 + x, y0 + y) };
+            let at = if text.upwards {
+                (x0 + y, y0 - x)
+            } else {
+                (x0 + x, y0 + y)
+            };
             if result.is_ok() {
-                result = bitmap.draw_pixel(at, color.mix(f64::from(cover.clamp(0.0, 1.0))).to_backend_color());
+                result = bitmap.draw_pixel(
+                    at,
+                    color
+                        .mix(f64::from(cover.clamp(0.0, 1.0)))
+                        .to_backend_color(),
+                );
             }
         });
         result.map_err(io::Error::other)?;
@@ -266,28 +319,52 @@ fn draw_vectors(svg: &mut SVGBackend<'_>, shape: &Shape) -> io::Result<()> {
     let units = f64::from(SVG_UNITS);
     let unit = |(x, y): (f64, f64)| ((x * units).round() as i32, (y * units).round() as i32);
     match shape {
-        Shape::Line { points, width, color } => {
+        Shape::Line {
+            points,
+            width,
+            color,
+        } => {
             let style = filled(*color, 1.0).stroke_width((width * units).round() as u32);
-            svg.draw_path(points.iter().copied().map(unit), &style).map_err(io::Error::other)
+            svg.draw_path(points.iter().copied().map(unit), &style)
+                .map_err(io::Error::other)
         }
-        Shape::Area { points, color, opacity } => {
-            svg.fill_polygon(points.iter().copied().map(unit), &filled(*color, *opacity)).map_err(io::Error::other)
-        }
+        Shape::Area {
+            points,
+            color,
+            opacity,
+        } => svg
+            .fill_polygon(points.iter().copied().map(unit), &filled(*color, *opacity))
+            .map_err(io::Error::other),
         Shape::Text(text) => {
             let horizontal = match text.anchor {
                 Anchor::Start => HPos::Left,
                 Anchor::Middle => HPos::Center,
                 Anchor::End => HPos::Right,
             };
-            // plotters puts the middle of small letters, 0.27 em above the base line, at its anchor, and
-            // takes a font's size to be 1.24 em.
+            // plotters puts the middle of small letters, 0.27 em above the base line, at its
+            // anchor, and takes a font's size to be 1.24 em.
             let up = 0.27 * text.size;
-            let at = if text.upwards { (text.at.0 - up, text.at.1) } else { (text.at.0, text.at.1 - up) };
-            let turn = if text.upwards { FontTransform::Rotate270 } else { FontTransform::None };
-            let font = FontDesc::new(FontFamily::Name(SVG_FONT), text.size * units * 1.24, FontStyle::Normal);
+            let at = if text.upwards {
+                (text.at.0 - up, text.at.1)
+            } else {
+                (text.at.0, text.at.1 - up)
+            };
+            let turn = if text.upwards {
+                FontTransform::Rotate270
+            } else {
+                FontTransform::None
+            };
+            let font = FontDesc::new(
+                FontFamily::Name(SVG_FONT),
+                text.size * units * 1.24,
+                FontStyle::Normal,
+            );
             let color = filled(text.color, 1.0).color;
-            let style = TextStyle::from(font.transform(turn)).color(&color).pos(Pos::new(horizontal, VPos::Center));
-            svg.draw_text(&text.text, &style, unit(at)).map_err(io::Error::other)
+            let style = TextStyle::from(font.transform(turn))
+                .color(&color)
+                .pos(Pos::new(horizontal, VPos::Center));
+            svg.draw_text(&text.text, &style, unit(at))
+                .map_err(io::Error::other)
         }
     }
 }
@@ -323,7 +400,11 @@ fn encode(pixels: &[u8], (width, height): (u32, u32), dpi: u32) -> io::Result<Ve
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);
     let (xppu, yppu) = (to_the_metre, to_the_metre);
-    encoder.set_pixel_dims(Some(png::PixelDimensions { xppu, yppu, unit: png::Unit::Meter }));
+    encoder.set_pixel_dims(Some(png::PixelDimensions {
+        xppu,
+        yppu,
+        unit: png::Unit::Meter,
+    }));
     let mut writer = encoder.write_header()?;
     writer.write_image_data(pixels)?;
     writer.finish()?;

@@ -1,10 +1,12 @@
-//! One step of MCPO on a problem of two parameters, as in the paper's Figure 1: drawn from the solver that trains.
+//! One step of MCPO on a problem of two parameters, as in the paper's Figure 1: drawn from the
+//! solver that trains.
 //!
 //! Owns the problem and its sketch. Knows nothing of runs. Start at [`draw`].
 //!
-//! The objective has a lower summit near the current policy and a higher one beyond it, which the demonstration, although not on
-//! it, points to. The trust region's best step climbs the lower summit; the half-plane in which the linearised mimicry constraint
-//! holds turns it towards the higher one.
+//! The objective has a lower summit near the current policy and a higher one beyond it, which the
+//! demonstration, although not on it, points to. The trust region's best step climbs the lower
+//! summit; the half-plane in which the linearised mimicry constraint holds turns it towards the
+//! higher one.
 
 use crate::{
     report::ReportError,
@@ -50,41 +52,108 @@ const CONTOUR: Color = [0xc4, 0xc4, 0xc4];
 pub fn draw(inches: Option<f64>) -> Result<Picture, ReportError> {
     let sheet = Sheet::print(inches.unwrap_or(3.25));
     let [left, right, bottom, top] = WINDOW;
-    let (label, width) = (1.5 * sheet.text, sheet.width - 2.0 * sheet.margin - 1.5 * sheet.text);
-    let plane = Plane { left: sheet.margin + label, top: sheet.margin, unit: width / (right - left) };
+    let (label, width) = (
+        1.5 * sheet.text,
+        sheet.width - 2.0 * sheet.margin - 1.5 * sheet.text,
+    );
+    let plane = Plane {
+        left: sheet.margin + label,
+        top: sheet.margin,
+        unit: width / (right - left),
+    };
     let height = (top - bottom) * plane.unit;
     let (without, with) = (step(false)?, step(true)?);
 
     let mut shapes = contours(&plane);
     shapes.extend(half_plane(&plane, &sheet));
-    let line = |points: Vec<Point>, width: f64, color| Shape::Line { points, width: width * sheet.curve, color };
+    let line = |points: Vec<Point>, width: f64, color| Shape::Line {
+        points,
+        width: width * sheet.curve,
+        color,
+    };
     shapes.push(line(ellipse(&plane), 1.0, BLACK));
     shapes.extend(arrow(&plane, &sheet, without, WITHOUT));
     shapes.extend(arrow(&plane, &sheet, with, WITH));
     shapes.push(dot(plane.at(CURRENT), sheet.marker, BLACK));
-    shapes.push(diamond(plane.at(DEMONSTRATION), 1.3 * sheet.marker, MIMICRY));
-    let (x0, x1, y0, y1) = (plane.left, plane.left + width, plane.top, plane.top + height);
-    shapes.push(line(vec![(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0), (x1, y0)], 0.6, BLACK));
+    shapes.push(diamond(
+        plane.at(DEMONSTRATION),
+        1.3 * sheet.marker,
+        MIMICRY,
+    ));
+    let (x0, x1, y0, y1) = (
+        plane.left,
+        plane.left + width,
+        plane.top,
+        plane.top + height,
+    );
+    shapes.push(line(
+        vec![(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0), (x1, y0)],
+        0.6,
+        BLACK,
+    ));
     let under = ((x0 + x1) / 2.0, y1 + 1.1 * sheet.text);
-    shapes.push(Shape::Text(text("θ₁", under, Anchor::Middle, sheet.text, BLACK)));
-    let mut beside = text("θ₂", (sheet.margin + sheet.text, (y0 + y1) / 2.0), Anchor::Middle, sheet.text, BLACK);
+    shapes.push(Shape::Text(text(
+        "θ₁",
+        under,
+        Anchor::Middle,
+        sheet.text,
+        BLACK,
+    )));
+    let mut beside = text(
+        "θ₂",
+        (sheet.margin + sheet.text, (y0 + y1) / 2.0),
+        Anchor::Middle,
+        sheet.text,
+        BLACK,
+    );
     beside.upwards = true;
     shapes.push(Shape::Text(beside));
 
-    let mut legend = Legend { shapes, sheet, top: y1 + 1.6 * sheet.text, entries: 0 };
-    legend.entry("policy θₖ", |at, _| vec![dot((at.0, at.1), sheet.marker, BLACK)]);
-    legend.entry("demonstration", |at, _| vec![diamond(at, 1.3 * sheet.marker, MIMICRY)]);
-    legend.entry("trust region, KL ≤ δ", |at, half| vec![line(level(at, half), 1.0, BLACK)]);
+    let mut legend = Legend {
+        shapes,
+        sheet,
+        top: y1 + 1.6 * sheet.text,
+        entries: 0,
+    };
+    legend.entry("policy θₖ", |at, _| {
+        vec![dot((at.0, at.1), sheet.marker, BLACK)]
+    });
+    legend.entry("demonstration", |at, _| {
+        vec![diamond(at, 1.3 * sheet.marker, MIMICRY)]
+    });
+    legend.entry("trust region, KL ≤ δ", |at, half| {
+        vec![line(level(at, half), 1.0, BLACK)]
+    });
     legend.entry("mimicry half-plane", |at, half| {
         let size = 0.4 * sheet.text;
-        let corners =
-            vec![(at.0 - half, at.1 - size), (at.0 + half, at.1 - size), (at.0 + half, at.1), (at.0 - half, at.1)];
-        vec![Shape::Area { points: corners, color: MIMICRY, opacity: SHADE }, line(level(at, half), 1.0, MIMICRY)]
+        let corners = vec![
+            (at.0 - half, at.1 - size),
+            (at.0 + half, at.1 - size),
+            (at.0 + half, at.1),
+            (at.0 - half, at.1),
+        ];
+        vec![
+            Shape::Area {
+                points: corners,
+                color: MIMICRY,
+                opacity: SHADE,
+            },
+            line(level(at, half), 1.0, MIMICRY),
+        ]
     });
-    legend.entry("step without mimicry", |at, half| vec![line(level(at, half), 1.6, WITHOUT)]);
-    legend.entry("step with mimicry", |at, half| vec![line(level(at, half), 1.6, WITH)]);
+    legend.entry("step without mimicry", |at, half| {
+        vec![line(level(at, half), 1.6, WITHOUT)]
+    });
+    legend.entry("step with mimicry", |at, half| {
+        vec![line(level(at, half), 1.6, WITH)]
+    });
     let bottom = legend.bottom();
-    Ok(Picture { width: sheet.width, height: bottom + sheet.margin, dpi: sheet.dpi, shapes: legend.shapes })
+    Ok(Picture {
+        width: sheet.width,
+        height: bottom + sheet.margin,
+        dpi: sheet.dpi,
+        shapes: legend.shapes,
+    })
 }
 
 /// Opacity of the half-plane.
@@ -94,7 +163,9 @@ const SHADE: f64 = 0.12;
 fn objective((x, y): Point) -> f64 {
     SUMMITS
         .iter()
-        .map(|((a, b), high, broad)| high * (-((x - a).powi(2) + (y - b).powi(2)) / (2.0 * broad * broad)).exp())
+        .map(|((a, b), high, broad)| {
+            high * (-((x - a).powi(2) + (y - b).powi(2)) / (2.0 * broad * broad)).exp()
+        })
         .sum()
 }
 
@@ -104,7 +175,8 @@ fn gradient(at: Point) -> Point {
         let along = |point: Point| if axis == 0 { point.0 } else { point.1 };
         let of = |((a, b), high, broad): &(Point, f64, f64)| {
             let square = (at.0 - a).powi(2) + (at.1 - b).powi(2);
-            high * (-square / (2.0 * broad * broad)).exp() * (along((*a, *b)) - along(at)) / (broad * broad)
+            high * (-square / (2.0 * broad * broad)).exp() * (along((*a, *b)) - along(at))
+                / (broad * broad)
         };
         SUMMITS.iter().map(of).sum()
     };
@@ -114,7 +186,10 @@ fn gradient(at: Point) -> Point {
 /// The gradient of D at the current policy, and how much of the tolerance is left there.
 fn mimicry() -> (Point, f64) {
     let away = (CURRENT.0 - DEMONSTRATION.0, CURRENT.1 - DEMONSTRATION.1);
-    ((2.0 * away.0, 2.0 * away.1), TOLERANCE - (away.0.powi(2) + away.1.powi(2)))
+    (
+        (2.0 * away.0, 2.0 * away.1),
+        TOLERANCE - (away.0.powi(2) + away.1.powi(2)),
+    )
 }
 
 /// The Hessian for the solver.
@@ -136,10 +211,18 @@ impl LinearOperator for Metric {
 fn step(constrained: bool) -> Result<Point, ReportError> {
     let ((g0, g1), (b, slack)) = (gradient(CURRENT), mimicry());
     let (loss, b) = ([-g0 as f32, -g1 as f32], [b.0 as f32, b.1 as f32]);
-    let constraint = constrained.then_some(LinearConstraint { gradient: &b, slack });
-    let limits = Limits { iterations: 2, relative_residual: 1e-9 }; // two products solve two equations
+    let constraint = constrained.then_some(LinearConstraint {
+        gradient: &b,
+        slack,
+    });
+    let limits = Limits {
+        iterations: 2,
+        relative_residual: 1e-9,
+    }; // two products solve two equations
     let found = constrained_step(&mut Metric, &loss, constraint, RADIUS, limits);
-    let step = found.step.ok_or_else(|| ReportError::Draw(std::io::Error::other(found.solution.name())))?;
+    let step = found
+        .step
+        .ok_or_else(|| ReportError::Draw(std::io::Error::other(found.solution.name())))?;
     let [x, y] = [step.as_slice()[0], step.as_slice()[1]].map(f64::from);
     Ok((CURRENT.0 + x, CURRENT.1 + y))
 }
@@ -153,7 +236,10 @@ struct Plane {
 
 impl Plane {
     fn at(&self, (x, y): Point) -> Point {
-        (self.left + (x - WINDOW[0]) * self.unit, self.top + (WINDOW[3] - y) * self.unit)
+        (
+            self.left + (x - WINDOW[0]) * self.unit,
+            self.top + (WINDOW[3] - y) * self.unit,
+        )
     }
 }
 
@@ -162,11 +248,16 @@ fn contours(plane: &Plane) -> Vec<Shape> {
     let [left, right, bottom, top] = WINDOW;
     let (dx, dy) = ((right - left) / CELLS as f64, (top - bottom) / CELLS as f64);
     let corner = |column: usize, row: usize| (left + column as f64 * dx, bottom + row as f64 * dy);
-    let highest = SUMMITS.iter().map(|summit| objective(summit.0)).fold(0.0, f64::max);
+    let highest = SUMMITS
+        .iter()
+        .map(|summit| objective(summit.0))
+        .fold(0.0, f64::max);
     let mut shapes = Vec::new();
     for level in (1..=LEVELS).map(|level| highest * level as f64 / (LEVELS + 1) as f64) {
-        for (column, row) in (0..CELLS).flat_map(|column| (0..CELLS).map(move |row| (column, row))) {
-            let corners = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(x, y)| corner(column + x, row + y));
+        for (column, row) in (0..CELLS).flat_map(|column| (0..CELLS).map(move |row| (column, row)))
+        {
+            let corners =
+                [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(x, y)| corner(column + x, row + y));
             let crossed = (0..4).filter_map(|side| {
                 let (from, to) = (corners[side], corners[(side + 1) % 4]);
                 let (low, high) = (objective(from) - level, objective(to) - level);
@@ -174,7 +265,11 @@ fn contours(plane: &Plane) -> Vec<Shape> {
                 ((low > 0.0) != (high > 0.0)).then(|| plane.at(between(from, to, share)))
             });
             let crossed: Vec<Point> = crossed.collect();
-            let line = |ends: &[Point]| Shape::Line { points: ends.to_vec(), width: 0.5, color: CONTOUR };
+            let line = |ends: &[Point]| Shape::Line {
+                points: ends.to_vec(),
+                width: 0.5,
+                color: CONTOUR,
+            };
             shapes.extend(crossed.chunks_exact(2).map(line));
         }
     }
@@ -182,7 +277,10 @@ fn contours(plane: &Plane) -> Vec<Shape> {
 }
 
 fn between(from: Point, to: Point, share: f64) -> Point {
-    (from.0 + share * (to.0 - from.0), from.1 + share * (to.1 - from.1))
+    (
+        from.0 + share * (to.0 - from.0),
+        from.1 + share * (to.1 - from.1),
+    )
 }
 
 /// Where the linearised constraint holds, within the window, and its boundary.
@@ -204,8 +302,19 @@ fn half_plane(plane: &Plane, sheet: &Sheet) -> Vec<Shape> {
             boundary.push(crossing);
         }
     }
-    let edge = Shape::Line { points: boundary, width: sheet.curve, color: MIMICRY };
-    vec![Shape::Area { points: inside, color: MIMICRY, opacity: SHADE }, edge]
+    let edge = Shape::Line {
+        points: boundary,
+        width: sheet.curve,
+        color: MIMICRY,
+    };
+    vec![
+        Shape::Area {
+            points: inside,
+            color: MIMICRY,
+            opacity: SHADE,
+        },
+        edge,
+    ]
 }
 
 /// Where the KL divergence's second order is the radius.
@@ -225,9 +334,24 @@ fn arrow(plane: &Plane, sheet: &Sheet, end: Point, color: Color) -> [Shape; 2] {
     let (ux, uy) = ((to.0 - from.0) / length, (to.1 - from.1) / length);
     let (long, half) = (2.4 * sheet.marker, sheet.marker);
     let base = (to.0 - long * ux, to.1 - long * uy);
-    let head = vec![to, (base.0 - half * uy, base.1 + half * ux), (base.0 + half * uy, base.1 - half * ux)];
-    let shaft = Shape::Line { points: vec![from, base], width: 1.6 * sheet.curve, color };
-    [shaft, Shape::Area { points: head, color, opacity: 1.0 }]
+    let head = vec![
+        to,
+        (base.0 - half * uy, base.1 + half * ux),
+        (base.0 + half * uy, base.1 - half * ux),
+    ];
+    let shaft = Shape::Line {
+        points: vec![from, base],
+        width: 1.6 * sheet.curve,
+        color,
+    };
+    [
+        shaft,
+        Shape::Area {
+            points: head,
+            color,
+            opacity: 1.0,
+        },
+    ]
 }
 
 fn dot(at: Point, radius: f64, color: Color) -> Shape {
@@ -235,12 +359,25 @@ fn dot(at: Point, radius: f64, color: Color) -> Shape {
         let (y, x) = (15.0 * turn as f64).to_radians().sin_cos();
         (at.0 + radius * x, at.1 + radius * y)
     };
-    Shape::Area { points: (0..24).map(corner).collect(), color, opacity: 1.0 }
+    Shape::Area {
+        points: (0..24).map(corner).collect(),
+        color,
+        opacity: 1.0,
+    }
 }
 
 fn diamond((x, y): Point, radius: f64, color: Color) -> Shape {
-    let points = vec![(x - radius, y), (x, y - radius), (x + radius, y), (x, y + radius)];
-    Shape::Area { points, color, opacity: 1.0 }
+    let points = vec![
+        (x - radius, y),
+        (x, y - radius),
+        (x + radius, y),
+        (x, y + radius),
+    ];
+    Shape::Area {
+        points,
+        color,
+        opacity: 1.0,
+    }
 }
 
 /// A level line around `at`.
@@ -263,8 +400,17 @@ impl Legend {
         let (size, column) = (self.sheet.text, self.entries % 2);
         let left = 2.0 * self.sheet.margin + column as f64 * (self.sheet.width / 2.0);
         let base = self.top + (self.entries / 2 + 1) as f64 * 1.4 * size;
-        self.shapes.extend(key((left + Self::KEY / 2.0, base - 0.3 * size), Self::KEY / 2.0));
-        self.shapes.push(Shape::Text(text(name, (left + Self::KEY + 4.0, base), Anchor::Start, size, BLACK)));
+        self.shapes.extend(key(
+            (left + Self::KEY / 2.0, base - 0.3 * size),
+            Self::KEY / 2.0,
+        ));
+        self.shapes.push(Shape::Text(text(
+            name,
+            (left + Self::KEY + 4.0, base),
+            Anchor::Start,
+            size,
+            BLACK,
+        )));
         self.entries += 1;
     }
 
@@ -277,29 +423,41 @@ impl Legend {
 mod tests {
     use super::*;
 
-    /// The best point of the ellipse, and of the part of it in the half-plane, by trying all directions.
+    /// The best point of the ellipse, and of the part of it in the half-plane, by trying all
+    /// directions.
     fn best(constrained: bool) -> Point {
         let (g, (b, slack)) = (gradient(CURRENT), mimicry());
         let candidates = (0..360_000).map(|turn| {
             let (y, x) = (f64::from(turn) / 1000.0).to_radians().sin_cos();
-            let square = HESSIAN[0][0] * x * x + 2.0 * HESSIAN[0][1] * x * y + HESSIAN[1][1] * y * y;
+            let square =
+                HESSIAN[0][0] * x * x + 2.0 * HESSIAN[0][1] * x * y + HESSIAN[1][1] * y * y;
             let far = (2.0 * RADIUS / square).sqrt();
             (far * x, far * y)
         });
         let allowed = candidates.filter(|x| !constrained || b.0 * x.0 + b.1 * x.1 <= slack);
         let gain = |x: &Point| g.0 * x.0 + g.1 * x.1;
-        allowed.max_by(|left, right| gain(left).total_cmp(&gain(right))).expect("some direction is allowed")
+        allowed
+            .max_by(|left, right| gain(left).total_cmp(&gain(right)))
+            .expect("some direction is allowed")
     }
 
     #[test]
     fn the_steps_are_the_best_that_the_regions_allow_and_lead_to_different_summits() {
         for constrained in [false, true] {
             let (found, best) = (step(constrained).expect("a step"), best(constrained));
-            assert!((found.0 - best.0).hypot(found.1 - best.1) < 1e-3, "{constrained}: {found:?}, {best:?}");
+            assert!(
+                (found.0 - best.0).hypot(found.1 - best.1) < 1e-3,
+                "{constrained}: {found:?}, {best:?}"
+            );
         }
         let (without, with) = (step(false).expect("a step"), step(true).expect("a step"));
-        let far = |from: Point, summit: usize| (from.0 - SUMMITS[summit].0.0).hypot(from.1 - SUMMITS[summit].0.1);
-        assert!(far(without, 0) < far(CURRENT, 0), "without the constraint, the lower summit");
+        let far = |from: Point, summit: usize| {
+            (from.0 - SUMMITS[summit].0.0).hypot(from.1 - SUMMITS[summit].0.1)
+        };
+        assert!(
+            far(without, 0) < far(CURRENT, 0),
+            "without the constraint, the lower summit"
+        );
         assert!(far(with, 1) < far(CURRENT, 1), "with it, the higher one");
     }
 
@@ -311,7 +469,10 @@ mod tests {
             (objective((at.0, at.1 + h)) - objective((at.0, at.1 - h))) / (2.0 * h),
         );
         let exact = gradient(at);
-        assert!((exact.0 - numeric.0).abs() < 1e-8 && (exact.1 - numeric.1).abs() < 1e-8, "{exact:?} {numeric:?}");
+        assert!(
+            (exact.0 - numeric.0).abs() < 1e-8 && (exact.1 - numeric.1).abs() < 1e-8,
+            "{exact:?} {numeric:?}"
+        );
     }
 
     #[test]
@@ -323,7 +484,9 @@ mod tests {
                     Shape::Line { points, .. } | Shape::Area { points, .. } => points.as_slice(),
                     Shape::Text(text) => std::slice::from_ref(&text.at),
                 };
-                let inside = |(x, y): &Point| (0.0..=picture.width).contains(x) && (0.0..=picture.height).contains(y);
+                let inside = |(x, y): &Point| {
+                    (0.0..=picture.width).contains(x) && (0.0..=picture.height).contains(y)
+                };
                 assert!(points.iter().all(inside), "{shape:?}");
             }
         }

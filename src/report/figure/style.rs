@@ -9,8 +9,8 @@ pub const GREY: Color = [0x60, 0x60, 0x60];
 /// The lines behind the curves.
 pub const LIGHT: Color = [0xe6, 0xe6, 0xe6];
 
-/// The curves' colours: Okabe and Ito (2008), without their yellow, which is too light for a line on white; then five that
-/// differ from those and from each other in lightness too.
+/// The curves' colours: Okabe and Ito (2008), without their yellow, which is too light for a line
+/// on white; then five that differ from those and from each other in lightness too.
 pub const PALETTE: [Color; 12] = [
     [0x00, 0x72, 0xb2],
     [0xd5, 0x5e, 0x00],
@@ -32,7 +32,8 @@ const INCH: f64 = 72.0;
 /// What a figure is drawn for, all lengths in points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sheet {
-    /// Whether for print: without a title and with what a caption says left to it, panels with letters.
+    /// Whether for print: without a title and with what a caption says left to it, panels with
+    /// letters.
     pub print: bool,
     /// Its width; of a figure for the screen, that of three panels.
     pub width: f64,

@@ -5,7 +5,14 @@ use crate::escape;
 
 /// A line of text, harmless whatever it says.
 pub fn text(text: &str, at: (f64, f64), anchor: Anchor, size: f64, color: Color) -> Text {
-    Text { text: escape::plain(text), at, anchor, size, color, upwards: false }
+    Text {
+        text: escape::plain(text),
+        at,
+        anchor,
+        size,
+        color,
+        upwards: false,
+    }
 }
 
 /// `text` in lines no wider than `room`, broken at spaces, and within a word that is wider.

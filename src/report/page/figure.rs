@@ -1,7 +1,8 @@
 //! Figures on the page: panels as SVG, and beside them the numbers that the script shows.
 //!
-//! Coordinates are tenths of a pixel, whole numbers, relative from point to point. A page of very many curves shows every second,
-//! third ... point of each, so that it stays small; the files beside it hold all of them.
+//! Coordinates are tenths of a pixel, whole numbers, relative from point to point. A page of very
+//! many curves shows every second, third ... point of each, so that it stays small; the files
+//! beside it hold all of them.
 
 use std::collections::BTreeSet;
 
@@ -58,17 +59,29 @@ pub fn body(figures: &[Figure<'_>]) -> String {
         )
     });
     let body: String = all.collect();
-    if body.is_empty() { body } else { marks(figures) + &body }
+    if body.is_empty() {
+        body
+    } else {
+        marks(figures) + &body
+    }
 }
 
 /// Every how many points one is shown.
 pub fn stride(figures: &[Figure<'_>]) -> usize {
     let numbers = |curve: &Curve| curve.points.len() * (6 + curve.singles.len());
-    all_curves(figures).map(numbers).sum::<usize>().div_ceil(NUMBERS).max(1)
+    all_curves(figures)
+        .map(numbers)
+        .sum::<usize>()
+        .div_ceil(NUMBERS)
+        .max(1)
 }
 
 fn all_curves<'a>(figures: &'a [Figure<'_>]) -> impl Iterator<Item = &'a Curve> {
-    figures.iter().filter_map(curves_of).flat_map(|data| &data.panels).flat_map(|panel| panel.curves.iter().flatten())
+    figures
+        .iter()
+        .filter_map(curves_of)
+        .flat_map(|data| &data.panels)
+        .flat_map(|panel| panel.curves.iter().flatten())
 }
 
 /// What a figure draws, where that is curves.
@@ -81,13 +94,21 @@ pub fn curves_of<'a>(figure: &'a Figure<'_>) -> Option<&'a CurveData> {
 
 /// The markers of all looks, to be used by name.
 fn marks(figures: &[Figure<'_>]) -> String {
-    let looks: BTreeSet<usize> = figures.iter().filter_map(curves_of).flat_map(|data| data.looks.clone()).collect();
+    let looks: BTreeSet<usize> = figures
+        .iter()
+        .filter_map(curves_of)
+        .flat_map(|data| data.looks.clone())
+        .collect();
     let mark = |look: &usize| {
-        let corners = look::outline(*look).into_iter().map(|(x, y)| (x * MARK, y * MARK));
+        let corners = look::outline(*look)
+            .into_iter()
+            .map(|(x, y)| (x * MARK, y * MARK));
         format!("<path id=\"mark-{look}\" d=\"{}z\"/>", path(corners))
     };
     let marks: String = looks.iter().map(mark).collect();
-    format!("<svg class=\"marks\" width=\"0\" height=\"0\" aria-hidden=\"true\"><defs>{marks}</defs></svg>\n")
+    format!(
+        "<svg class=\"marks\" width=\"0\" height=\"0\" aria-hidden=\"true\"><defs>{marks}</defs></svg>\n"
+    )
 }
 
 /// The classes that give a series its colour and dashes.
@@ -98,8 +119,12 @@ pub fn class(look: usize) -> String {
 /// The legend and the panels.
 fn curves(data: &CurveData, stride: usize) -> String {
     let (columns, ..) = size(data);
-    let panels: String =
-        data.panels.iter().enumerate().map(|(index, panel)| panel_html(data, index, panel, stride)).collect();
+    let panels: String = data
+        .panels
+        .iter()
+        .enumerate()
+        .map(|(index, panel)| panel_html(data, index, panel, stride))
+        .collect();
     format!(
         "<div class=\"legend\" role=\"group\" aria-label=\"Series\">\n{}</div>\n<div class=\"switches\" hidden></div>\n\
          <div class=\"panels {columns}\">\n{panels}</div>\n<p class=\"reader\" aria-live=\"polite\"></p>\n",
@@ -127,11 +152,27 @@ fn legend(data: &CurveData) -> String {
             prose(&label.text)
         )
     });
-    let curves = || data.panels.iter().flat_map(|panel| panel.curves.iter().flatten());
+    let curves = || {
+        data.panels
+            .iter()
+            .flat_map(|panel| panel.curves.iter().flatten())
+    };
     let others = [
-        ("paper", "the paper, after training", curves().any(|curve| curve.paper.is_some())),
-        ("demo", "the demonstration", data.panels.iter().any(|panel| panel.demo.is_some())),
-        ("tolerance", "tolerance d of the same colour’s curve", curves().any(|curve| !curve.tolerance.is_empty())),
+        (
+            "paper",
+            "the paper, after training",
+            curves().any(|curve| curve.paper.is_some()),
+        ),
+        (
+            "demo",
+            "the demonstration",
+            data.panels.iter().any(|panel| panel.demo.is_some()),
+        ),
+        (
+            "tolerance",
+            "tolerance d of the same colour’s curve",
+            curves().any(|curve| !curve.tolerance.is_empty()),
+        ),
     ];
     let others = others.into_iter().filter(|(_, _, shown)| *shown).map(|(class, name, _)| {
         format!(
@@ -163,10 +204,25 @@ impl Axes {
     pub fn new(data: &CurveData, panel: &Panel) -> Self {
         let (_, width, height) = size(data);
         let (x, y) = (x_scale(data, panel), y_scale(data, panel));
-        let labels = y.ticks(5).iter().map(|tick| text_width(&tick.label, TEXT)).fold(150.0, f64::max);
-        let paper = panel.curves.iter().flatten().any(|curve| curve.paper.is_some());
+        let labels = y
+            .ticks(5)
+            .iter()
+            .map(|tick| text_width(&tick.label, TEXT))
+            .fold(150.0, f64::max);
+        let paper = panel
+            .curves
+            .iter()
+            .flatten()
+            .any(|curve| curve.paper.is_some());
         let right = width - if paper { GUTTER } else { 60.0 };
-        Self { left: (labels + 70.0).round(), right, top: 200.0, bottom: height - 390.0, x, y }
+        Self {
+            left: (labels + 70.0).round(),
+            right,
+            top: 200.0,
+            bottom: height - 390.0,
+            x,
+            y,
+        }
     }
 
     fn across(&self, x: f64) -> f64 {
@@ -175,7 +231,11 @@ impl Axes {
 
     fn height_of(&self, y: f64) -> f64 {
         let height = self.bottom - self.y.fraction(y) * (self.bottom - self.top);
-        if height.is_nan() { self.bottom } else { height.clamp(self.top, self.bottom) }
+        if height.is_nan() {
+            self.bottom
+        } else {
+            height.clamp(self.top, self.bottom)
+        }
     }
 
     fn at(&self, (x, y): (f64, f64)) -> (f64, f64) {
@@ -187,23 +247,35 @@ fn panel_html(data: &CurveData, index: usize, panel: &Panel, stride: usize) -> S
     let (_, width, height) = size(data);
     let axes = Axes::new(data, panel);
     let named = panel.curves.iter().zip(&data.looks).enumerate();
-    let drawn: Vec<(usize, usize, &Curve)> =
-        named.filter_map(|(series, (curve, look))| Some((series, *look, curve.as_ref()?))).collect();
+    let drawn: Vec<(usize, usize, &Curve)> = named
+        .filter_map(|(series, (curve, look))| Some((series, *look, curve.as_ref()?)))
+        .collect();
     let turns = drawn.len();
-    let lines = drawn.iter().enumerate().map(|(turn, &(series, look, curve))| {
-        let shift = (turn as f64 + 0.5) / turns as f64;
-        format!(
-            "<g class=\"series {}\" data-series=\"{series}\">{}</g>",
-            class(look),
-            line(curve, look, &axes, stride, shift)
-        )
-    });
+    let lines = drawn
+        .iter()
+        .enumerate()
+        .map(|(turn, &(series, look, curve))| {
+            let shift = (turn as f64 + 0.5) / turns as f64;
+            format!(
+                "<g class=\"series {}\" data-series=\"{series}\">{}</g>",
+                class(look),
+                line(curve, look, &axes, stride, shift)
+            )
+        });
     let (title, y_label) = (prose(&panel.title), escape::html(&data.y_label));
     let demo = panel.demo.map_or(String::new(), |demo| {
-        format!("<path class=\"demo\" d=\"M{} {:.0}H{}\"/>", axes.left, axes.height_of(demo), axes.right)
+        format!(
+            "<path class=\"demo\" d=\"M{} {:.0}H{}\"/>",
+            axes.left,
+            axes.height_of(demo),
+            axes.right
+        )
     });
     let empty = if drawn.iter().all(|(_, _, curve)| curve.points.is_empty()) {
-        let (x, y) = ((axes.left + axes.right) / 2.0, (axes.top + axes.bottom) / 2.0);
+        let (x, y) = (
+            (axes.left + axes.right) / 2.0,
+            (axes.top + axes.bottom) / 2.0,
+        );
         format!("<text class=\"middle\" x=\"{x:.0}\" y=\"{y:.0}\">nothing to draw yet</text>")
     } else {
         String::new()
@@ -223,7 +295,13 @@ fn panel_html(data: &CurveData, index: usize, panel: &Panel, stride: usize) -> S
 }
 
 fn grid(data: &CurveData, axes: &Axes) -> String {
-    let Axes { left, right, top, bottom, .. } = *axes;
+    let Axes {
+        left,
+        right,
+        top,
+        bottom,
+        ..
+    } = *axes;
     let y_mark = |tick: &Tick| {
         let y = axes.height_of(tick.at);
         let text = &tick.label;
@@ -241,7 +319,13 @@ fn grid(data: &CurveData, axes: &Axes) -> String {
             tick.label
         )
     };
-    let rules: String = axes.y.ticks(5).iter().filter(|tick| !tick.label.is_empty()).map(y_mark).collect();
+    let rules: String = axes
+        .y
+        .ticks(5)
+        .iter()
+        .filter(|tick| !tick.label.is_empty())
+        .map(y_mark)
+        .collect();
     let wanted = ((right - left) / (5.0 * TEXT)) as usize;
     let marks: String = x_ticks(data, &axes.x, wanted).iter().map(x_mark).collect();
     format!("{rules}{marks}<path class=\"axis\" d=\"M{left} {top}V{bottom}H{right}\"/>")
@@ -252,7 +336,10 @@ fn line(curve: &Curve, look: usize, axes: &Axes, stride: usize, shift: f64) -> S
     let mut drawn = String::new();
     if curve.tolerance.len() > 1 {
         let points = thinned(&curve.tolerance, stride).map(|point| axes.at(*point));
-        drawn.push_str(&format!("<path class=\"tolerance\" d=\"{}\"/>", path(points)));
+        drawn.push_str(&format!(
+            "<path class=\"tolerance\" d=\"{}\"/>",
+            path(points)
+        ));
     }
     if let Some(level) = curve.level() {
         let y = axes.height_of(level.mean);
@@ -263,13 +350,21 @@ fn line(curve: &Curve, look: usize, axes: &Axes, stride: usize, shift: f64) -> S
                 axes.left, axes.right, axes.left
             ));
         }
-        drawn.push_str(&format!("<path class=\"mean\" d=\"M{} {y:.0}H{}\"/>", axes.left, axes.right));
-        drawn.push_str(&mark(look, (axes.left + shift * (axes.right - axes.left), y)));
+        drawn.push_str(&format!(
+            "<path class=\"mean\" d=\"M{} {y:.0}H{}\"/>",
+            axes.left, axes.right
+        ));
+        drawn.push_str(&mark(
+            look,
+            (axes.left + shift * (axes.right - axes.left), y),
+        ));
     } else {
         for stretch in curve.stretches() {
             let points: Vec<&Point> = thinned(stretch, stride).collect();
             let ends = |end: fn((f64, f64)) -> f64| {
-                let ends = points.iter().filter_map(move |point| Some(axes.at((point.env_steps, end(point.band?)))));
+                let ends = points
+                    .iter()
+                    .filter_map(move |point| Some(axes.at((point.env_steps, end(point.band?)))));
                 ends.collect::<Vec<_>>()
             };
             let (low, high) = (ends(|band| band.0), ends(|band| band.1));
@@ -277,20 +372,34 @@ fn line(curve: &Curve, look: usize, axes: &Axes, stride: usize, shift: f64) -> S
                 let around = low.into_iter().chain(high.into_iter().rev());
                 drawn.push_str(&format!("<path class=\"band\" d=\"{}z\"/>", path(around)));
             }
-            let means: Vec<(f64, f64)> = points.iter().map(|point| axes.at((point.env_steps, point.mean))).collect();
+            let means: Vec<(f64, f64)> = points
+                .iter()
+                .map(|point| axes.at((point.env_steps, point.mean)))
+                .collect();
             match means.as_slice() {
                 [alone] => drawn.push_str(&mark(look, *alone)),
-                _ => drawn.push_str(&format!("<path class=\"mean\" d=\"{}\"/>", path(means.into_iter()))),
+                _ => drawn.push_str(&format!(
+                    "<path class=\"mean\" d=\"{}\"/>",
+                    path(means.into_iter())
+                )),
             }
         }
         let last = curve.points.len().saturating_sub(1) as f64;
-        let marked = (0..MARKS).filter_map(|n| curve.points.get(((n as f64 + shift) / MARKS as f64 * last) as usize));
-        let marks: String = marked.map(|point| mark(look, axes.at((point.env_steps, point.mean)))).collect();
+        let marked = (0..MARKS).filter_map(|n| {
+            curve
+                .points
+                .get(((n as f64 + shift) / MARKS as f64 * last) as usize)
+        });
+        let marks: String = marked
+            .map(|point| mark(look, axes.at((point.env_steps, point.mean))))
+            .collect();
         drawn.push_str(&marks);
     }
     if let Some(paper) = curve.paper {
         let (from, y) = (axes.right + 20.0, axes.height_of(paper));
-        drawn.push_str(&format!("<path class=\"paper-value\" d=\"M{from} {y:.0}h110\"/>"));
+        drawn.push_str(&format!(
+            "<path class=\"paper-value\" d=\"M{from} {y:.0}h110\"/>"
+        ));
     }
     drawn
 }
@@ -301,7 +410,10 @@ fn mark(look: usize, (x, y): (f64, f64)) -> String {
 
 /// Every `stride`-th, and the last.
 pub fn thinned<T>(all: &[T], stride: usize) -> impl Iterator<Item = &T> {
-    all.iter().enumerate().filter(move |(index, _)| index % stride == 0 || index + 1 == all.len()).map(|(_, one)| one)
+    all.iter()
+        .enumerate()
+        .filter(move |(index, _)| index % stride == 0 || index + 1 == all.len())
+        .map(|(_, one)| one)
 }
 
 /// A line through points, from each to the next.
@@ -319,7 +431,11 @@ fn path(points: impl Iterator<Item = (f64, f64)>) -> String {
             Some(_) if dx < 0 => "",
             Some(_) => " ",
         });
-        text.push_str(&if dy < 0 { format!("{dx}{dy}") } else { format!("{dx} {dy}") });
+        text.push_str(&if dy < 0 {
+            format!("{dx}{dy}")
+        } else {
+            format!("{dx} {dy}")
+        });
         before = Some((x, y));
     }
     text
@@ -329,17 +445,40 @@ fn path(points: impl Iterator<Item = (f64, f64)>) -> String {
 fn ends(data: &CurveData, title: &str) -> String {
     let row = |panel: &Panel, name: &str, curve: &Curve| {
         let end = curve.points.last()?;
-        let band = end.band.map_or(String::new(), |(low, high)| format!("{} to {}", short(low), short(high)));
-        let (steps, seeds) = (alone(end.env_steps), format!("{} of {}", curve.seeds, curve.planned));
-        Some(vec![panel.title.clone(), name.to_owned(), steps, short(end.mean), band, seeds])
+        let band = end.band.map_or(String::new(), |(low, high)| {
+            format!("{} to {}", short(low), short(high))
+        });
+        let (steps, seeds) = (
+            alone(end.env_steps),
+            format!("{} of {}", curve.seeds, curve.planned),
+        );
+        Some(vec![
+            panel.title.clone(),
+            name.to_owned(),
+            steps,
+            short(end.mean),
+            band,
+            seeds,
+        ])
     };
     let rows = data.panels.iter().flat_map(|panel| {
         let named = data.series.iter().zip(&panel.curves);
         named.filter_map(move |(label, curve)| row(panel, &label.text, curve.as_ref()?))
     });
-    let at = if data.across == Across::Steps { "at step" } else { "at" };
-    let headers = ["panel", "series", at, "mean", "band", "seeds"].map(str::to_owned).to_vec();
-    let grid = Grid { headers, rows: rows.collect(), names: 2, numeric: vec![false, false, true, true, true, true] };
+    let at = if data.across == Across::Steps {
+        "at step"
+    } else {
+        "at"
+    };
+    let headers = ["panel", "series", at, "mean", "band", "seeds"]
+        .map(str::to_owned)
+        .to_vec();
+    let grid = Grid {
+        headers,
+        rows: rows.collect(),
+        names: 2,
+        numeric: vec![false, false, true, true, true, true],
+    };
     format!(
         "<details class=\"more\"><summary>The end of each curve, as a table</summary>\n{}</details>\n",
         table::html(&grid, title, true)

@@ -1,8 +1,10 @@
-//! The report as one web page, `index.html`: a file that opens offline, runs its own script alone and fetches nothing.
+//! The report as one web page, `index.html`: a file that opens offline, runs its own script alone
+//! and fetches nothing.
 //!
-//! Owns the page's order and its head. Knows nothing of how numbers come about: it shows what the other files of a report show,
-//! and beside them every run with its state. What it says stands in the text itself; its script adds values under the pointer,
-//! switches and sorting. Start at [`html`].
+//! Owns the page's order and its head. Knows nothing of how numbers come about: it shows what the
+//! other files of a report show, and beside them every run with its state. What it says stands in
+//! the text itself; its script adds values under the pointer, switches and sorting. Start at
+//! [`html`].
 
 mod claims;
 mod figure;
@@ -82,17 +84,29 @@ const SCRIPT: &str = include_str!("script.js");
 /// The page; the same bytes for the same contents.
 pub fn html(page: &Contents<'_>) -> String {
     let sections = [
-        ("claims", "Claims", page.claims.map_or(String::new(), claims::body)),
+        (
+            "claims",
+            "Claims",
+            page.claims.map_or(String::new(), claims::body),
+        ),
         ("tables", "Tables", table::body(page)),
         ("figures", "Figures", figure::body(&page.figures)),
-        ("statistics", "Statistics", page.statistics.map_or(String::new(), table::statistics)),
+        (
+            "statistics",
+            "Statistics",
+            page.statistics.map_or(String::new(), table::statistics),
+        ),
         ("runs", "Runs", runs::body(page)),
         ("failures", "Failures", runs::failures(page)),
         ("provenance", "Provenance", provenance::body(page)),
     ];
     let filled = || sections.iter().filter(|(_, _, body)| !body.is_empty());
-    let links: String = filled().map(|(id, title, _)| format!("<a href=\"#{id}\">{title}</a>\n")).collect();
-    let bodies: String = filled().map(|(id, title, body)| section(id, title, body)).collect();
+    let links: String = filled()
+        .map(|(id, title, _)| format!("<a href=\"#{id}\">{title}</a>\n"))
+        .collect();
+    let bodies: String = filled()
+        .map(|(id, title, body)| section(id, title, body))
+        .collect();
     let (name, description) = (escape::html(&page.spec.name), prose(&page.spec.description));
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
@@ -120,8 +134,13 @@ fn summary(page: &Contents<'_>) -> String {
     let count = |is: fn(&State) -> bool| page.runs.iter().filter(|run| is(&run.state)).count();
     let finished = count(|state| matches!(state, State::Finished(_)));
     let failed = count(|state| matches!(state, State::Failed { .. }));
-    let mut tiles =
-        vec![tile("runs", "Runs", &format!("{finished} of {}", page.runs.len()), "finished", bar(page.runs))];
+    let mut tiles = vec![tile(
+        "runs",
+        "Runs",
+        &format!("{finished} of {}", page.runs.len()),
+        "finished",
+        bar(page.runs),
+    )];
     if let Some(claims) = page.claims {
         let (numbers, words) = claims::counts(claims);
         tiles.push(tile("claims", "Claims", &numbers, &words, String::new()));
@@ -138,16 +157,37 @@ fn summary(page: &Contents<'_>) -> String {
         let reproduced = of(|verdict| *verdict == Verdict::Reproduced);
         let beyond = of(|verdict| matches!(verdict, Verdict::Better | Verdict::Worse));
         let words = format!("of the paper's values reproduced, {beyond} beyond the margin");
-        tiles.push(tile("tables", "Values", &format!("{reproduced} of {}", verdicts.len()), &words, String::new()));
+        tiles.push(tile(
+            "tables",
+            "Values",
+            &format!("{reproduced} of {}", verdicts.len()),
+            &words,
+            String::new(),
+        ));
     }
     if failed > 0 {
-        tiles.push(tile("failures", "Failures", &failed.to_string(), &plural(failed, "run"), String::new()));
+        tiles.push(tile(
+            "failures",
+            "Failures",
+            &failed.to_string(),
+            &plural(failed, "run"),
+            String::new(),
+        ));
     }
     // The first line says what the first tile does, and more only where runs were left out.
-    let told = format!("{finished} of {} finished.", amount::count(page.runs.len(), "run"));
+    let told = format!(
+        "{finished} of {} finished.",
+        amount::count(page.runs.len(), "run")
+    );
     let lines = page.state.iter().filter(|line| **line != told);
-    let lines: String = lines.map(|line| format!("<li>{}</li>\n", prose(line))).collect();
-    let lines = if lines.is_empty() { lines } else { format!("<ul class=\"state\">\n{lines}</ul>\n") };
+    let lines: String = lines
+        .map(|line| format!("<li>{}</li>\n", prose(line)))
+        .collect();
+    let lines = if lines.is_empty() {
+        lines
+    } else {
+        format!("<ul class=\"state\">\n{lines}</ul>\n")
+    };
     format!(
         "<ul class=\"tiles\">\n{}</ul>\n{lines}\
          <p class=\"command\"><span>Made by</span> <code>{}</code></p>\n",
@@ -167,14 +207,22 @@ fn tile(target: &str, title: &str, number: &str, words: &str, more: String) -> S
 fn bar(runs: &[Run]) -> String {
     let mut x = 0;
     let parts = runs::Kind::ALL.map(|kind| {
-        let count = runs.iter().filter(|run| runs::Kind::of(run) == kind).count();
+        let count = runs
+            .iter()
+            .filter(|run| runs::Kind::of(run) == kind)
+            .count();
         let (from, width) = (x, 1000 * count / runs.len().max(1));
         x += width;
         match width {
             0 => String::new(),
-            _ => format!("<rect class=\"{}\" x=\"{from}\" width=\"{width}\" height=\"8\"/>", kind.class()),
+            _ => format!(
+                "<rect class=\"{}\" x=\"{from}\" width=\"{width}\" height=\"8\"/>",
+                kind.class()
+            ),
         }
     });
     let parts = parts.concat();
-    format!("<svg class=\"bar\" viewBox=\"0 0 1000 8\" preserveAspectRatio=\"none\" aria-hidden=\"true\">{parts}</svg>")
+    format!(
+        "<svg class=\"bar\" viewBox=\"0 0 1000 8\" preserveAspectRatio=\"none\" aria-hidden=\"true\">{parts}</svg>"
+    )
 }

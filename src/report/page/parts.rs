@@ -27,14 +27,20 @@ pub fn notes(title: &str, notes: &[String]) -> String {
     if notes.is_empty() {
         return String::new();
     }
-    let items: String = notes.iter().map(|note| format!("<li>{}</li>\n", prose(note))).collect();
+    let items: String = notes
+        .iter()
+        .map(|note| format!("<li>{}</li>\n", prose(note)))
+        .collect();
     format!("<details class=\"notes\"><summary>{title}</summary>\n<ul>\n{items}</ul>\n</details>\n")
 }
 
 /// Links to the files of a table or figure, which lie beside the page.
 pub fn files(name: &str, extensions: &[&str]) -> String {
     let link = |extension: &&str| {
-        let (file, format) = (escape::link(&format!("{name}{extension}")), format_of(extension));
+        let (file, format) = (
+            escape::link(&format!("{name}{extension}")),
+            format_of(extension),
+        );
         format!("<a href=\"{file}\">{format}</a>")
     };
     let links: Vec<String> = extensions.iter().map(link).collect();
@@ -69,5 +75,9 @@ pub fn verdict(text: &str) -> String {
 
 /// The word for `count` of them.
 pub fn plural(count: usize, word: &str) -> String {
-    if count == 1 { word.to_owned() } else { format!("{word}s") }
+    if count == 1 {
+        word.to_owned()
+    } else {
+        format!("{word}s")
+    }
 }

@@ -42,7 +42,13 @@ pub enum Kind {
 
 impl Kind {
     /// In the order of the legend.
-    pub const ALL: [Self; 5] = [Self::Finished, Self::UnderWay, Self::Failed, Self::Differs, Self::Missing];
+    pub const ALL: [Self; 5] = [
+        Self::Finished,
+        Self::UnderWay,
+        Self::Failed,
+        Self::Differs,
+        Self::Missing,
+    ];
 
     /// That of `run`.
     pub fn of(run: &Run) -> Self {
@@ -90,18 +96,34 @@ impl Kind {
 
 /// The grid and the table of all runs.
 pub fn body(page: &Contents<'_>) -> String {
-    let kinds = Kind::ALL.into_iter().filter(|kind| page.runs.iter().any(|run| Kind::of(run) == *kind));
+    let kinds = Kind::ALL
+        .into_iter()
+        .filter(|kind| page.runs.iter().any(|run| Kind::of(run) == *kind));
     let legend: String = kinds
         .map(|kind| {
             let count = page.runs.iter().filter(|run| Kind::of(run) == kind).count();
-            format!("<li><span class=\"run {}\">{}</span> {count} {}</li>\n", kind.class(), kind.mark(), kind.word())
+            format!(
+                "<li><span class=\"run {}\">{}</span> {count} {}</li>\n",
+                kind.class(),
+                kind.mark(),
+                kind.word()
+            )
         })
         .collect();
     let head = ["run", "state", "return", "steps", "seconds", "files"];
     let numeric = |name: &str| ["return", "steps", "seconds"].contains(&name);
-    let head =
-        head.map(|name| format!("<th scope=\"col\"{}>{name}</th>", if numeric(name) { " class=\"n\"" } else { "" }));
-    let rows: String = page.runs.iter().enumerate().map(|(index, run)| row(page.home, index, run)).collect();
+    let head = head.map(|name| {
+        format!(
+            "<th scope=\"col\"{}>{name}</th>",
+            if numeric(name) { " class=\"n\"" } else { "" }
+        )
+    });
+    let rows: String = page
+        .runs
+        .iter()
+        .enumerate()
+        .map(|(index, run)| row(page.home, index, run))
+        .collect();
     format!(
         "<ul class=\"states\">\n{legend}</ul>\n{}<details class=\"more\" id=\"all-runs\"><summary>All {} {}, with links to their \
          logs and data</summary>\n{}</details>\n",
@@ -116,7 +138,11 @@ pub fn body(page: &Contents<'_>) -> String {
 fn grid(runs: &[Run]) -> String {
     let seeds: BTreeSet<u64> = runs.iter().map(|run| run.spec.seed.0).collect();
     let all: Vec<&Run> = runs.iter().collect();
-    let places: Places<'_> = runs.iter().enumerate().map(|(index, run)| (run.spec.id.as_str(), index)).collect();
+    let places: Places<'_> = runs
+        .iter()
+        .enumerate()
+        .map(|(index, run)| (run.spec.id.as_str(), index))
+        .collect();
     let mut keys = vec![Key::Algorithm];
     keys.extend(axis::hidden_axes(&all, &[Key::Env, Key::Algorithm]));
     let envs = axis::group(&all, &[Key::Env]);
@@ -125,7 +151,11 @@ fn grid(runs: &[Run]) -> String {
         let labels = axis::labels(&keys, &settings);
         let rows = settings.iter().zip(labels).map(|(setting, label)| {
             let cells = seeds.iter().map(|seed| squares(setting, *seed, &places));
-            format!("<tr><th scope=\"row\">{}</th>{}</tr>\n", prose(&label.text), cells.collect::<String>())
+            format!(
+                "<tr><th scope=\"row\">{}</th>{}</tr>\n",
+                prose(&label.text),
+                cells.collect::<String>()
+            )
         });
         format!(
             "<tbody>\n<tr><th scope=\"rowgroup\" colspan=\"{}\">{}</th></tr>\n{}</tbody>\n",
@@ -134,7 +164,10 @@ fn grid(runs: &[Run]) -> String {
             rows.collect::<String>()
         )
     });
-    let head: String = seeds.iter().map(|seed| format!("<th scope=\"col\">{seed}</th>")).collect();
+    let head: String = seeds
+        .iter()
+        .map(|seed| format!("<th scope=\"col\">{seed}</th>"))
+        .collect();
     format!(
         "<div class=\"scroll grid\" tabindex=\"0\" role=\"region\" aria-label=\"Runs by setting and seed\">\n<table>\n\
          <thead><tr><th scope=\"col\">seed</th>{head}</tr></thead>\n{}</table>\n</div>\n",
@@ -171,12 +204,22 @@ fn row(home: &Path, index: usize, run: &Run) -> String {
     let detail = match (&run.state, &run.under_way) {
         (State::Missing, Some(so_far)) => {
             let whole = run.spec.budget.env_steps.get();
-            format!("{}, {} of {} steps", kind.word(), amount::steps(so_far.env_steps), amount::steps(whole))
+            format!(
+                "{}, {} of {} steps",
+                kind.word(),
+                amount::steps(so_far.env_steps),
+                amount::steps(whole)
+            )
         }
         (State::Differs { changes }, _) => format!("{}: {}", kind.word(), changes.join("; ")),
         _ => kind.word().to_owned(),
     };
-    let number = |value: Option<f64>| format!("<td class=\"n\">{}</td>", value.map_or(String::new(), alone));
+    let number = |value: Option<f64>| {
+        format!(
+            "<td class=\"n\">{}</td>",
+            value.map_or(String::new(), alone)
+        )
+    };
     let trace = run.trace.as_ref();
     format!(
         "<tr id=\"r{index}\"><th scope=\"row\">{}</th><td><span class=\"run {}\">{}</span> {}</td>{}{}{}<td>{}</td></tr>\n",
@@ -200,12 +243,20 @@ fn links(home: &Path, run: &Run) -> String {
         ("run.json", "record"),
     ];
     let folders = [run.spec.id.clone(), format!("{}.partial", run.spec.id)];
-    let Some(folder) = folders.into_iter().find(|folder| home.join("runs").join(folder).is_dir()) else {
+    let Some(folder) = folders
+        .into_iter()
+        .find(|folder| home.join("runs").join(folder).is_dir())
+    else {
         return String::new();
     };
-    let there = FILES.iter().filter(|(file, _)| home.join("runs").join(&folder).join(file).is_file());
+    let there = FILES
+        .iter()
+        .filter(|(file, _)| home.join("runs").join(&folder).join(file).is_file());
     let link = |(file, word): &(&str, &str)| {
-        format!("<a href=\"{}\">{word}</a>", escape::link(&format!("../runs/{folder}/{file}")))
+        format!(
+            "<a href=\"{}\">{word}</a>",
+            escape::link(&format!("../runs/{folder}/{file}"))
+        )
     };
     there.map(link).collect::<Vec<_>>().join(" ")
 }
@@ -218,11 +269,15 @@ pub fn failures(page: &Contents<'_>) -> String {
     });
     let one = |(run, error): (&Run, &String)| {
         let tail = run.trace.iter().flat_map(|trace| &trace.log_tail);
-        let tail: String = tail.map(|line| format!("{}\n", escape::html(line))).collect();
+        let tail: String = tail
+            .map(|line| format!("{}\n", escape::html(line)))
+            .collect();
         let tail = match tail.as_str() {
             "" => String::new(),
             tail => {
-                format!("<details class=\"more\"><summary>The end of its log</summary>\n<pre>{tail}</pre></details>\n")
+                format!(
+                    "<details class=\"more\"><summary>The end of its log</summary>\n<pre>{tail}</pre></details>\n"
+                )
             }
         };
         let (id, links) = (escape::html(&run.spec.id), links(page.home, run));

@@ -22,16 +22,26 @@ pub fn body(page: &Contents<'_>) -> String {
             Some(matrix) => {
                 let whole = "Every cell, with its seeds and verdict";
                 let matrix = html(&matrix, &data.title, false);
-                format!("{matrix}<details class=\"more\"><summary>{whole}</summary>\n{list}</details>\n")
+                format!(
+                    "{matrix}<details class=\"more\"><summary>{whole}</summary>\n{list}</details>\n"
+                )
             }
         };
         let links = files(name, &[".csv", "-seeds.csv", ".tex", ".md"]);
-        article(name, &data.title, &format!("{shown}{}{links}", notes("Notes", &data.notes)))
+        article(
+            name,
+            &data.title,
+            &format!("{shown}{}{links}", notes("Notes", &data.notes)),
+        )
     });
     let settings = page.settings.iter().map(|(name, data)| {
         let shown = html(&text::settings::grid(data), &data.title, false);
         let links = files(name, &[".csv", ".tex", ".md"]);
-        article(name, &data.title, &format!("{shown}{}{links}", notes("Notes", &data.notes)))
+        article(
+            name,
+            &data.title,
+            &format!("{shown}{}{links}", notes("Notes", &data.notes)),
+        )
     });
     returns.chain(settings).collect()
 }
@@ -44,24 +54,47 @@ pub fn statistics(data: &StatisticsData) -> String {
 }
 
 fn article(name: &str, title: &str, body: &str) -> String {
-    format!("<article id=\"{}\">\n<h3>{}</h3>\n{body}</article>\n", escape::html(name), prose(title))
+    format!(
+        "<article id=\"{}\">\n<h3>{}</h3>\n{body}</article>\n",
+        escape::html(name),
+        prose(title)
+    )
 }
 
-/// A grid; where it is `sortable`, its rows can be ordered by any column. Wider than the page, it scrolls on its own.
+/// A grid; where it is `sortable`, its rows can be ordered by any column. Wider than the page, it
+/// scrolls on its own.
 pub fn html(grid: &Grid, label: &str, sortable: bool) -> String {
-    let class = |column: usize| if grid.numeric[column] { " class=\"n\"" } else { "" };
-    let head = |(column, text): (usize, &String)| format!("<th scope=\"col\"{}>{}</th>", class(column), prose(text));
+    let class = |column: usize| {
+        if grid.numeric[column] {
+            " class=\"n\""
+        } else {
+            ""
+        }
+    };
+    let head = |(column, text): (usize, &String)| {
+        format!("<th scope=\"col\"{}>{}</th>", class(column), prose(text))
+    };
     let is_verdict = |column: usize| grid.headers[column] == "verdict";
     let cell = |(column, text): (usize, &String)| match column {
         _ if is_verdict(column) && !text.is_empty() => format!("<td>{}</td>", verdict(text)),
         _ if column < grid.names => format!("<th scope=\"row\">{}</th>", prose(text)),
         _ => format!("<td{}>{}</td>", class(column), prose(text)),
     };
-    let row = |row: &Vec<String>| format!("<tr>{}</tr>\n", row.iter().enumerate().map(cell).collect::<String>());
+    let row = |row: &Vec<String>| {
+        format!(
+            "<tr>{}</tr>\n",
+            row.iter().enumerate().map(cell).collect::<String>()
+        )
+    };
     table(
         label,
         sortable,
-        &grid.headers.iter().enumerate().map(head).collect::<String>(),
+        &grid
+            .headers
+            .iter()
+            .enumerate()
+            .map(head)
+            .collect::<String>(),
         &grid.rows.iter().map(row).collect::<String>(),
     )
 }

@@ -1,4 +1,5 @@
-//! What the page must keep to whatever it shows; how it is used, `tests/report/browse.py` tries in a browser.
+//! What the page must keep to whatever it shows; how it is used, `tests/report/browse.py` tries in
+//! a browser.
 
 use super::*;
 use crate::{
@@ -20,13 +21,35 @@ const MATRIX: &str = "[[matrix]]\nseed = [0, 1]\nenv = [\"Hopper-v2\"]\nalgorith
 fn page(runs: &[Run], points: Option<u64>) -> String {
     let spec = experiment(MATRIX);
     let all: Vec<&Run> = runs.iter().collect();
-    let mut data = CurveData::new(&spec.figures[0], Measure::Return, &all, &Identities::new(&all));
-    for curve in data.panels.iter_mut().flat_map(|panel| panel.curves.iter_mut().flatten()) {
-        let (Some(points), Some(&point)) = (points, curve.points.first()) else { continue };
-        curve.points = (0..points).map(|n| super::super::Point { env_steps: n as f64, ..point }).collect();
+    let mut data = CurveData::new(
+        &spec.figures[0],
+        Measure::Return,
+        &all,
+        &Identities::new(&all),
+    );
+    for curve in data
+        .panels
+        .iter_mut()
+        .flat_map(|panel| panel.curves.iter_mut().flatten())
+    {
+        let (Some(points), Some(&point)) = (points, curve.points.first()) else {
+            continue;
+        };
+        curve.points = (0..points)
+            .map(|n| super::super::Point {
+                env_steps: n as f64,
+                ..point
+            })
+            .collect();
     }
     let shows = Shows::Curves(Box::new(data));
-    let figure = Figure { name: "f", title: "F", caption: String::new(), shows, files: vec![".svg"] };
+    let figure = Figure {
+        name: "f",
+        title: "F",
+        caption: String::new(),
+        shows,
+        files: vec![".svg"],
+    };
     html(&Contents {
         spec: &spec,
         home: Path::new("nowhere/made-up"),
@@ -43,7 +66,8 @@ fn page(runs: &[Run], points: Option<u64>) -> String {
 
 fn runs() -> Vec<Run> {
     let plan = plan::plan(&experiment(MATRIX)).expect("a plan");
-    let finished = |spec| Run::new(spec, State::Missing).finished(&[(50, &[-0.25]), (100, &[1234.5678])]);
+    let finished =
+        |spec| Run::new(spec, State::Missing).finished(&[(50, &[-0.25]), (100, &[1234.5678])]);
     plan.into_iter().map(finished).collect()
 }
 
@@ -54,8 +78,13 @@ fn nothing_but_the_head_says_what_the_page_may_do() {
     assert!(page.contains("default-src 'none'"), "{page}");
     let (markup, _) = page.split_once("<script").expect("a script");
     let (_, markup) = markup.split_once("</style>").expect("a style");
-    for refused in [" style=", " onclick", " onload", "http://", "https://", "url("] {
-        assert!(!markup.contains(refused), "the policy refuses {refused}: {markup}");
+    for refused in [
+        " style=", " onclick", " onload", "http://", "https://", "url(",
+    ] {
+        assert!(
+            !markup.contains(refused),
+            "the policy refuses {refused}: {markup}"
+        );
     }
 }
 
@@ -67,14 +96,21 @@ fn the_numbers_beside_a_figure_have_five_digits_and_are_whole_json() {
     let data: serde_json::Value = serde_json::from_str(json).expect("JSON");
     let curve = &data[0]["panels"][0]["curves"][0];
     assert_eq!(curve["mean"], serde_json::json!([-0.25, 1234.6]));
-    assert_eq!(curve["seeds"], serde_json::json!([[0, [-0.25, 1234.6]], [1, [-0.25, 1234.6]]]), "{curve}");
+    assert_eq!(
+        curve["seeds"],
+        serde_json::json!([[0, [-0.25, 1234.6]], [1, [-0.25, 1234.6]]]),
+        "{curve}"
+    );
 }
 
 #[test]
 fn a_page_stays_small_whatever_is_drawn() {
     let (few, many) = (page(&runs(), Some(100)), page(&runs(), Some(400_000)));
     assert!(!few.contains("points of each curve"));
-    assert!(many.contains("Here, one of "), "it is said that points are left out");
+    assert!(
+        many.contains("Here, one of "),
+        "it is said that points are left out"
+    );
     assert!(many.len() < 5_000_000, "{} bytes", many.len());
 }
 
@@ -82,14 +118,30 @@ fn a_page_stays_small_whatever_is_drawn() {
 fn every_state_has_its_mark_and_its_row() {
     let mut runs = runs();
     runs[1] = Run::new(runs[1].spec.clone(), State::Missing).failed("a < b & `code`");
-    runs[2] = Run::new(runs[2].spec.clone(), State::Differs { changes: vec!["mcpo.d: 1 -> 2".to_owned()] });
+    runs[2] = Run::new(
+        runs[2].spec.clone(),
+        State::Differs {
+            changes: vec!["mcpo.d: 1 -> 2".to_owned()],
+        },
+    );
     runs[3] = Run::new(runs[3].spec.clone(), State::Missing);
     let page = page(&runs, None);
-    for told in ["✓</span> 1 finished", "✕</span> 1 failed", "≠</span> 1 left out", "·</span> 1 to do"] {
+    for told in [
+        "✓</span> 1 finished",
+        "✕</span> 1 failed",
+        "≠</span> 1 left out",
+        "·</span> 1 to do",
+    ] {
         assert!(page.contains(told), "{told}: {page}");
     }
-    assert!(page.contains("<p>a &lt; b &amp; <code>code</code></p>"), "{page}");
-    assert!((0..4).all(|n| page.contains(&format!("href=\"#r{n}\"")) && page.contains(&format!("<tr id=\"r{n}\""))));
+    assert!(
+        page.contains("<p>a &lt; b &amp; <code>code</code></p>"),
+        "{page}"
+    );
+    assert!(
+        (0..4).all(|n| page.contains(&format!("href=\"#r{n}\""))
+            && page.contains(&format!("<tr id=\"r{n}\"")))
+    );
 }
 
 /// A series has the same colour on the page as in the other files.

@@ -21,14 +21,25 @@ const TITLE: &str = "Claims";
 
 /// The claims as Markdown: a line each, then every environment's numbers.
 pub fn markdown(data: &ClaimsData) -> String {
-    let notes: String = data.notes.iter().map(|note| format!("- {}\n", escape::markdown(note))).collect();
-    format!("# {TITLE}\n\n{}\n{}\n{notes}", markdown_grid(&summary(data)), markdown_grid(&details(data)))
+    let notes: String = data
+        .notes
+        .iter()
+        .map(|note| format!("- {}\n", escape::markdown(note)))
+        .collect();
+    format!(
+        "# {TITLE}\n\n{}\n{}\n{notes}",
+        markdown_grid(&summary(data)),
+        markdown_grid(&details(data))
+    )
 }
 
 /// Every environment's numbers for LaTeX, as [`latex`](super::latex) writes a table called `name`.
 pub fn latex(name: &str, data: &ClaimsData) -> [String; 2] {
     let grid = details(data);
-    [tex::tabular(&grid), tex::float(name, TITLE, &data.notes, &grid)]
+    [
+        tex::tabular(&grid),
+        tex::float(name, TITLE, &data.notes, &grid),
+    ]
 }
 
 /// What became of each claim, for a terminal of `width` columns.
@@ -38,14 +49,31 @@ pub fn shown(data: &ClaimsData, width: Option<usize>) -> String {
 
 /// A line a claim.
 fn summary(data: &ClaimsData) -> Grid {
-    let headers = ["claim", "what is compared", "verdict"].map(str::to_owned).to_vec();
-    let line = |rows: &[ClaimRow]| vec![rows[0].claim.name.clone(), compared(&rows[0].claim), overall(rows)];
-    Grid { headers, rows: data.by_claim().map(line).collect(), names: 1, numeric: vec![false; 3] }
+    let headers = ["claim", "what is compared", "verdict"]
+        .map(str::to_owned)
+        .to_vec();
+    let line = |rows: &[ClaimRow]| {
+        vec![
+            rows[0].claim.name.clone(),
+            compared(&rows[0].claim),
+            overall(rows),
+        ]
+    };
+    Grid {
+        headers,
+        rows: data.by_claim().map(line).collect(),
+        names: 1,
+        numeric: vec![false; 3],
+    }
 }
 
 /// `return of algorithm=mcpo above that of algorithm=ppo`.
 pub fn compared(claim: &Claim) -> String {
-    let part = if claim.at == Part::Area { " over all of training" } else { "" };
+    let part = if claim.at == Part::Area {
+        " over all of training"
+    } else {
+        ""
+    };
     let margin = match (claim.margin, claim.on) {
         (0.0, _) => String::new(),
         (margin, Measure::Return) => format!(", margin {} of Expert - Random", alone(margin)),
@@ -59,7 +87,10 @@ pub fn compared(claim: &Claim) -> String {
     };
     match claim.is {
         Relation::Kept => {
-            format!("MMD² of {of} within d in {} % of iterations once met", alone(100.0 * claim.share.get()))
+            format!(
+                "MMD² of {of} within d in {} % of iterations once met",
+                alone(100.0 * claim.share.get())
+            )
         }
         Relation::Above => format!("{on} of {of} above that of {than}{part}{margin}"),
         Relation::Below => format!("{on} of {of} below that of {than}{part}{margin}"),
@@ -67,28 +98,53 @@ pub fn compared(claim: &Claim) -> String {
     }
 }
 
-/// `holds in 5 of 7; contradicted in 1 of 7 (Hopper-v2); inconclusive in 1 of 7`, or the verdict of the only row.
+/// `holds in 5 of 7; contradicted in 1 of 7 (Hopper-v2); inconclusive in 1 of 7`, or the verdict of
+/// the only row.
 pub fn overall(rows: &[ClaimRow]) -> String {
     if let [only] = rows {
         return only.verdict.text();
     }
     let told = |verdict: &str, is: fn(&ClaimVerdict) -> bool, is_named: bool| {
-        let places: Vec<String> = rows.iter().filter(|row| is(&row.verdict)).map(place).collect();
-        let names = if is_named { format!(" ({})", notes::listed(&places)) } else { String::new() };
-        (!places.is_empty()).then(|| format!("{verdict} in {} of {}{names}", places.len(), rows.len()))
+        let places: Vec<String> = rows
+            .iter()
+            .filter(|row| is(&row.verdict))
+            .map(place)
+            .collect();
+        let names = if is_named {
+            format!(" ({})", notes::listed(&places))
+        } else {
+            String::new()
+        };
+        (!places.is_empty())
+            .then(|| format!("{verdict} in {} of {}{names}", places.len(), rows.len()))
     };
     let parts = [
         told("holds", |verdict| *verdict == ClaimVerdict::Holds, false),
-        told("contradicted", |verdict| *verdict == ClaimVerdict::Contradicted, true),
-        told("inconclusive", |verdict| matches!(verdict, ClaimVerdict::Inconclusive(_)), false),
+        told(
+            "contradicted",
+            |verdict| *verdict == ClaimVerdict::Contradicted,
+            true,
+        ),
+        told(
+            "inconclusive",
+            |verdict| matches!(verdict, ClaimVerdict::Inconclusive(_)),
+            false,
+        ),
     ];
     parts.into_iter().flatten().collect::<Vec<_>>().join("; ")
 }
 
 /// Where a row is judged.
 pub fn place(row: &ClaimRow) -> String {
-    let env = row.env.clone().unwrap_or_else(|| amount::count(row.environments, "environment"));
-    if row.setting.is_empty() { env } else { format!("{env}, {}", row.setting) }
+    let env = row
+        .env
+        .clone()
+        .unwrap_or_else(|| amount::count(row.environments, "environment"));
+    if row.setting.is_empty() {
+        env
+    } else {
+        format!("{env}, {}", row.setting)
+    }
 }
 
 /// A line a row.
@@ -98,23 +154,44 @@ fn details(data: &ClaimsData) -> Grid {
 
 /// The numbers of `rows`, a line each.
 pub fn grid_of(rows: &[ClaimRow]) -> Grid {
-    let headers = ["claim", "where", "difference or share", "95 % interval", "above", "seeds", "p", "verdict"];
+    let headers = [
+        "claim",
+        "where",
+        "difference or share",
+        "95 % interval",
+        "above",
+        "seeds",
+        "p",
+        "verdict",
+    ];
     let line = |row: &ClaimRow| {
         let smaller = row.p.map(|(opposite, itself)| opposite.min(itself));
         vec![
             row.claim.name.clone(),
             place(row),
-            row.difference.map_or(String::new(), |it| within(it.mean, it.low, it.high)),
-            row.difference.map_or(String::new(), |difference| between(difference.low, difference.high)),
-            row.improvement.map_or(String::new(), |share| format!("{:.0} %", 100.0 * share)),
+            row.difference
+                .map_or(String::new(), |it| within(it.mean, it.low, it.high)),
+            row.difference.map_or(String::new(), |difference| {
+                between(difference.low, difference.high)
+            }),
+            row.improvement
+                .map_or(String::new(), |share| format!("{:.0} %", 100.0 * share)),
             seeds(row),
             smaller.map_or(String::new(), p),
             row.verdict.text(),
         ]
     };
-    let numeric = headers.iter().map(|header| !["claim", "where", "verdict"].contains(header)).collect();
+    let numeric = headers
+        .iter()
+        .map(|header| !["claim", "where", "verdict"].contains(header))
+        .collect();
     let headers = headers.map(str::to_owned).to_vec();
-    Grid { headers, rows: rows.iter().map(line).collect(), names: 2, numeric }
+    Grid {
+        headers,
+        rows: rows.iter().map(line).collect(),
+        names: 2,
+        numeric,
+    }
 }
 
 /// `5 and 4 of 5`.
@@ -123,11 +200,20 @@ fn seeds(row: &ClaimRow) -> String {
         true => count.found.to_string(),
         false => format!("{} of {}", count.found, count.planned),
     };
-    [Some(row.seeds), row.than].into_iter().flatten().map(one).collect::<Vec<_>>().join(" and ")
+    [Some(row.seeds), row.than]
+        .into_iter()
+        .flatten()
+        .map(one)
+        .collect::<Vec<_>>()
+        .join(" and ")
 }
 
 fn p(p: f64) -> String {
-    if p < 0.001 { "<0.001".to_owned() } else { format!("{p:.3}") }
+    if p < 0.001 {
+        "<0.001".to_owned()
+    } else {
+        format!("{p:.3}")
+    }
 }
 
 /// The rows, with every number in full.
@@ -170,7 +256,13 @@ pub fn csv(data: &ClaimsData) -> Result<Vec<u8>, csv::Error> {
             escape::csv(&claim.name),
             escape::csv(&claim.of.to_string()),
             is.to_owned(),
-            escape::csv(&claim.than.as_ref().map(Versus::to_string).unwrap_or_default()),
+            escape::csv(
+                &claim
+                    .than
+                    .as_ref()
+                    .map(Versus::to_string)
+                    .unwrap_or_default(),
+            ),
             claim.on.name().to_owned(),
             row.env.clone().unwrap_or_default(),
             escape::csv(&row.setting),
@@ -209,11 +301,22 @@ mod tests {
         ];
         let (ours, theirs) = ([500.0, 510.0, 490.0], [100.0, 110.0, 90.0]);
         let of = |env: &str, [mcpo, ppo]: [[f64; 3]; 2]| -> Vec<Run> {
-            let run = |(seed, value): (u64, f64)| fixture::mcpo(env, 1e-4, 1e-3, seed).finished(&[(100, &[value])]);
-            let other = |(seed, value): (u64, f64)| fixture::ppo(env, seed).finished(&[(100, &[value])]);
-            (0..).zip(mcpo).map(run).chain((0..).zip(ppo).map(other)).collect()
+            let run = |(seed, value): (u64, f64)| {
+                fixture::mcpo(env, 1e-4, 1e-3, seed).finished(&[(100, &[value])])
+            };
+            let other =
+                |(seed, value): (u64, f64)| fixture::ppo(env, seed).finished(&[(100, &[value])]);
+            (0..)
+                .zip(mcpo)
+                .map(run)
+                .chain((0..).zip(ppo).map(other))
+                .collect()
         };
-        let runs = [of("Hopper-v2", [ours, theirs]), of("Ant-v2", [theirs, ours])].concat();
+        let runs = [
+            of("Hopper-v2", [ours, theirs]),
+            of("Ant-v2", [theirs, ours]),
+        ]
+        .concat();
         ClaimsData::new(&claims, &runs)
     }
 
@@ -227,12 +330,24 @@ mod tests {
             "| MCPO \\| beats PPO | Hopper-v2 | 400.0 | 377.3 to 422.7 | 100 % | 3 and 3 | 0.003 | holds |",
             "| =cmd() | Ant-v2 | | | | 0 of 3 | | inconclusive: 0 seeds in Ant-v2; 3 are needed |",
         ] {
-            let squeezed = text.lines().map(|line| line.split_whitespace().collect::<Vec<_>>().join(" "));
-            assert!(squeezed.into_iter().any(|found| found == line), "{line}\n{text}");
+            let squeezed = text
+                .lines()
+                .map(|line| line.split_whitespace().collect::<Vec<_>>().join(" "));
+            assert!(
+                squeezed.into_iter().any(|found| found == line),
+                "{line}\n{text}"
+            );
         }
-        assert!(shown(&judged(), Some(60)).contains("holds in 1 of 2"), "{}", shown(&judged(), Some(60)));
+        assert!(
+            shown(&judged(), Some(60)).contains("holds in 1 of 2"),
+            "{}",
+            shown(&judged(), Some(60))
+        );
         let [bare, _] = latex("claims", &judged());
-        assert!(bare.contains("MCPO $|$ beats PPO & Hopper-v2 & 400.0 &"), "{bare}");
+        assert!(
+            bare.contains("MCPO $|$ beats PPO & Hopper-v2 & 400.0 &"),
+            "{bare}"
+        );
     }
 
     #[test]
@@ -240,8 +355,16 @@ mod tests {
         let text = String::from_utf8(csv(&judged()).expect("written")).expect("text");
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(lines.len(), 5, "{text}");
-        assert!(lines[1].starts_with("MCPO | beats PPO,algorithm=mcpo,above,algorithm=ppo,return,Hopper-v2,,400,377."));
-        assert!(lines[1].contains(",334.671") && lines[1].contains(",1,3,3,3,3,"), "{text}");
-        assert!(lines[3].starts_with("'=cmd(),algorithm=mcpo,kept,,return,Hopper-v2,,,,,,,0,3,,,,,"), "{text}");
+        assert!(lines[1].starts_with(
+            "MCPO | beats PPO,algorithm=mcpo,above,algorithm=ppo,return,Hopper-v2,,400,377."
+        ));
+        assert!(
+            lines[1].contains(",334.671") && lines[1].contains(",1,3,3,3,3,"),
+            "{text}"
+        );
+        assert!(
+            lines[3].starts_with("'=cmd(),algorithm=mcpo,kept,,return,Hopper-v2,,,,,,,0,3,,,,,"),
+            "{text}"
+        );
     }
 }

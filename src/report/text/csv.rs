@@ -1,4 +1,5 @@
-//! Tables, seeds and curves as CSV, for programs: every number in full, plain and in a column of its own.
+//! Tables, seeds and curves as CSV, for programs: every number in full, plain and in a column of
+//! its own.
 
 use super::super::{
     axis::Label,
@@ -38,7 +39,11 @@ pub fn csv(data: &TableData) -> Result<Vec<u8>, csv::Error> {
         "paper_demo",
     ];
     writer.write_record(
-        data.row_keys.iter().chain(&data.column_keys).map(Key::to_string).chain(numbers.map(str::to_owned)),
+        data.row_keys
+            .iter()
+            .chain(&data.column_keys)
+            .map(Key::to_string)
+            .chain(numbers.map(str::to_owned)),
     )?;
     for row in &data.rows {
         for (column, cell) in data.columns.iter().zip(&row.cells) {
@@ -46,7 +51,8 @@ pub fn csv(data: &TableData) -> Result<Vec<u8>, csv::Error> {
             let compared = cell.comparison.as_ref();
             let interval = compared.map(Comparison::interval);
             let whole = |value: Option<u64>| value.map_or(String::new(), |x| x.to_string());
-            let mut record: Vec<String> = row.values.iter().chain(&column.values).map(value).collect();
+            let mut record: Vec<String> =
+                row.values.iter().chain(&column.values).map(value).collect();
             record.extend([
                 number(cell.ours.map(|ours| ours.mean)),
                 number(cell.ours.filter(|_| cell.seeds > 1).map(|ours| ours.low)),
@@ -64,7 +70,9 @@ pub fn csv(data: &TableData) -> Result<Vec<u8>, csv::Error> {
                 number(interval.map(|(_, high)| high)),
                 number(compared.map(|compared| compared.margin)),
                 number(compared.map(|compared| compared.p)),
-                cell.verdict.as_ref().map_or(String::new(), |verdict| verdict.text()),
+                cell.verdict
+                    .as_ref()
+                    .map_or(String::new(), |verdict| verdict.text()),
                 cell.env_steps.to_string(),
                 number(row.demo),
                 number(row.paper_demo),
@@ -72,7 +80,9 @@ pub fn csv(data: &TableData) -> Result<Vec<u8>, csv::Error> {
             writer.write_record(&record)?;
         }
     }
-    writer.into_inner().map_err(|error| error.into_error().into())
+    writer
+        .into_inner()
+        .map_err(|error| error.into_error().into())
 }
 
 /// The seeds of a table's cells, one row each: the keys, then the seed and its value.
@@ -82,7 +92,11 @@ pub fn csv(data: &TableData) -> Result<Vec<u8>, csv::Error> {
 /// None that the csv crate gives for a buffer in memory.
 pub fn seeds_csv(data: &TableData) -> Result<Vec<u8>, csv::Error> {
     let mut writer = csv::Writer::from_writer(Vec::new());
-    let keys = data.row_keys.iter().chain(&data.column_keys).map(Key::to_string);
+    let keys = data
+        .row_keys
+        .iter()
+        .chain(&data.column_keys)
+        .map(Key::to_string);
     writer.write_record(keys.chain(["seed", "mean_return"].map(str::to_owned)))?;
     for row in &data.rows {
         for (column, cell) in data.columns.iter().zip(&row.cells) {
@@ -92,7 +106,9 @@ pub fn seeds_csv(data: &TableData) -> Result<Vec<u8>, csv::Error> {
             }
         }
     }
-    writer.into_inner().map_err(|error| error.into_error().into())
+    writer
+        .into_inner()
+        .map_err(|error| error.into_error().into())
 }
 
 /// The points of a figure, one row each.
@@ -102,7 +118,11 @@ pub fn seeds_csv(data: &TableData) -> Result<Vec<u8>, csv::Error> {
 /// None that the csv crate gives for a buffer in memory.
 pub fn curves_csv(data: &CurveData) -> Result<Vec<u8>, csv::Error> {
     let mut writer = csv::Writer::from_writer(Vec::new());
-    let x = if data.across == Across::Steps { progress::ENV_STEPS.name } else { "normalised_return" };
+    let x = if data.across == Across::Steps {
+        progress::ENV_STEPS.name
+    } else {
+        "normalised_return"
+    };
     let numbers = [x, "mean", "low", "high", "seeds", "planned_seeds"];
     writer.write_record(
         [data.panel_key.clone()]
@@ -128,25 +148,34 @@ pub fn curves_csv(data: &CurveData) -> Result<Vec<u8>, csv::Error> {
             }
         }
     }
-    writer.into_inner().map_err(|error| error.into_error().into())
+    writer
+        .into_inner()
+        .map_err(|error| error.into_error().into())
 }
 
 /// These rows below their headers.
-pub fn written(headers: &[&str], rows: impl Iterator<Item = Vec<String>>) -> Result<Vec<u8>, csv::Error> {
+pub fn written(
+    headers: &[&str],
+    rows: impl Iterator<Item = Vec<String>>,
+) -> Result<Vec<u8>, csv::Error> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     writer.write_record(headers)?;
     for row in rows {
         writer.write_record(&row)?;
     }
-    writer.into_inner().map_err(|error| error.into_error().into())
+    writer
+        .into_inner()
+        .map_err(|error| error.into_error().into())
 }
 
 /// A number that every program reads; nothing where there is none.
 pub fn number(value: Option<f64>) -> String {
-    value.filter(|x| x.is_finite()).map_or(String::new(), |x| match x.abs() {
-        0.0 | 1e-5..1e16 => x.to_string(),
-        _ => format!("{x:e}"),
-    })
+    value
+        .filter(|x| x.is_finite())
+        .map_or(String::new(), |x| match x.abs() {
+            0.0 | 1e-5..1e16 => x.to_string(),
+            _ => format!("{x:e}"),
+        })
 }
 
 /// The value of a key; nothing where the runs do not have it.
@@ -170,16 +199,25 @@ mod tests {
 
     #[test]
     fn numbers_are_numbers_and_keys_are_columns() {
-        let run = |d, epsilon| fixture::mcpo("Hopper-v2", d, epsilon, 0).finished(&[(100, &[-0.5])]);
+        let run =
+            |d, epsilon| fixture::mcpo("Hopper-v2", d, epsilon, 0).finished(&[(100, &[-0.5])]);
         let runs = [run(1e-3, 0.0), run(1e-2, 0.0), run(1e-2, 1e-7)];
-        let text =
-            String::from_utf8(csv(&made_up(&["d"], "algorithm", "table3", &runs)).expect("written")).expect("text");
+        let text = String::from_utf8(
+            csv(&made_up(&["d"], "algorithm", "table3", &runs)).expect("written"),
+        )
+        .expect("text");
         let lines: Vec<&str> = text.lines().collect();
-        assert!(lines[0].starts_with("d,algorithm,epsilon,mean,low,"), "{text}");
+        assert!(
+            lines[0].starts_with("d,algorithm,epsilon,mean,low,"),
+            "{text}"
+        );
         assert!(lines[1].starts_with("0.001,mcpo,0,-0.5,,"), "{text}");
         assert!(lines[3].starts_with("0.01,mcpo,1e-7,-0.5,,"), "{text}");
 
-        let figure = Figure { series: vec!["d".into()], ..Figure::returns("f", "F".into()) };
+        let figure = Figure {
+            series: vec!["d".into()],
+            ..Figure::returns("f", "F".into())
+        };
         let runs: Vec<&Run> = runs.iter().collect();
         let data = CurveData::new(&figure, Measure::Return, &runs, &Identities::default());
         let text = String::from_utf8(curves_csv(&data).expect("written")).expect("text");
@@ -192,8 +230,14 @@ mod tests {
     #[test]
     fn what_is_no_number_is_harmless_text() {
         assert_eq!(value(&Some("=cmd()".into())), "'=cmd()");
-        assert_eq!(value(&Some(toml::Value::Array(vec![8.into(), 16.into()]))), "[8, 16]");
-        assert_eq!([1e-320, -2.5e300, 1e-5, 0.0].map(|x| number(Some(x))), ["1e-320", "-2.5e300", "0.00001", "0"]);
+        assert_eq!(
+            value(&Some(toml::Value::Array(vec![8.into(), 16.into()]))),
+            "[8, 16]"
+        );
+        assert_eq!(
+            [1e-320, -2.5e300, 1e-5, 0.0].map(|x| number(Some(x))),
+            ["1e-320", "-2.5e300", "0.00001", "0"]
+        );
         assert_eq!(number(Some(f64::NAN)), "");
     }
 }

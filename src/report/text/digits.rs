@@ -1,7 +1,8 @@
 //! How many digits a number of a table is shown with: as many as its deviation means.
 
-/// `mean ± spread` with two digits of the spread, and at most `most` after the point: `1802 ± 13`, `118.66 ± 0.38`. A spread
-/// that these do not show is told to be smaller; one that is no finite number is not shown.
+/// `mean ± spread` with two digits of the spread, and at most `most` after the point: `1802 ± 13`,
+/// `118.66 ± 0.38`. A spread that these do not show is told to be smaller; one that is no finite
+/// number is not shown.
 pub fn plus_minus(mean: f64, spread: f64, most: usize) -> String {
     if !spread.is_finite() {
         return alone(mean);
@@ -11,7 +12,10 @@ pub fn plus_minus(mean: f64, spread: f64, most: usize) -> String {
         return format!("{} ± 0", shortest(mean, most));
     }
     // Of the rounded spread: 9.96 is 10.
-    let exponent: i32 = format!("{spread:.1e}").split_once('e').and_then(|(_, e)| e.parse().ok()).unwrap_or_default();
+    let exponent: i32 = format!("{spread:.1e}")
+        .split_once('e')
+        .and_then(|(_, e)| e.parse().ok())
+        .unwrap_or_default();
     let decimals = usize::try_from(1 - exponent).unwrap_or(0).min(most);
     let shown = number(spread, decimals);
     if shown.bytes().any(|digit| (b'1'..=b'9').contains(&digit)) {
@@ -22,7 +26,8 @@ pub fn plus_minus(mean: f64, spread: f64, most: usize) -> String {
     }
 }
 
-/// The two ends of an interval, with three digits of its width and at most four after the point: `−1210 to 350`.
+/// The two ends of an interval, with three digits of its width and at most four after the point:
+/// `−1210 to 350`.
 pub fn between(low: f64, high: f64) -> String {
     let decimals = decimals_of(high - low);
     format!("{} to {}", number(low, decimals), number(high, decimals))
@@ -35,8 +40,15 @@ pub fn within(value: f64, low: f64, high: f64) -> String {
 
 /// Digits after the point of the ends of an interval of this width.
 fn decimals_of(width: f64) -> usize {
-    let exponent: i32 = format!("{width:.1e}").split_once('e').and_then(|(_, e)| e.parse().ok()).unwrap_or_default();
-    if width > 0.0 { usize::try_from(2 - exponent).unwrap_or(0).min(4) } else { 2 }
+    let exponent: i32 = format!("{width:.1e}")
+        .split_once('e')
+        .and_then(|(_, e)| e.parse().ok())
+        .unwrap_or_default();
+    if width > 0.0 {
+        usize::try_from(2 - exponent).unwrap_or(0).min(4)
+    } else {
+        2
+    }
 }
 
 /// A number without a deviation: five digits, at most two after the point.
@@ -52,14 +64,24 @@ pub fn alone(value: f64) -> String {
 /// At most `most` digits after the point, and no zeros at the end.
 fn shortest(value: f64, most: usize) -> String {
     let text = number(value, most);
-    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+    if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    } else {
+        text
+    }
 }
 
 /// A number with a true minus, and no minus before zero.
 fn number(number: f64, decimals: usize) -> String {
     let text = format!("{number:.decimals$}");
     match text.strip_prefix('-') {
-        Some(digits) if digits.chars().any(|digit| digit.is_ascii_digit() && digit != '0') => format!("−{digits}"),
+        Some(digits)
+            if digits
+                .chars()
+                .any(|digit| digit.is_ascii_digit() && digit != '0') =>
+        {
+            format!("−{digits}")
+        }
         Some(digits) => digits.to_owned(),
         None => text,
     }
@@ -90,7 +112,11 @@ mod tests {
         ] {
             assert_eq!(plus_minus(mean, spread, 4), shown);
         }
-        assert_eq!(plus_minus(17.09, 0.001, 2), "17.09 ± <0.01", "the paper prints two decimals");
+        assert_eq!(
+            plus_minus(17.09, 0.001, 2),
+            "17.09 ± <0.01",
+            "the paper prints two decimals"
+        );
     }
 
     #[test]
@@ -109,7 +135,22 @@ mod tests {
 
     #[test]
     fn a_number_alone_has_five_digits() {
-        let shown = [969.71, 9320.416, 12_345.6, -600.25, 553.0, 0.004, -0.004, 120.5].map(alone);
-        assert_eq!(shown, ["969.71", "9320.4", "12346", "−600.25", "553", "0", "0", "120.5"]);
+        let shown = [
+            969.71, 9320.416, 12_345.6, -600.25, 553.0, 0.004, -0.004, 120.5,
+        ]
+        .map(alone);
+        assert_eq!(
+            shown,
+            [
+                "969.71",
+                "9320.4",
+                "12346",
+                "−600.25",
+                "553",
+                "0",
+                "0",
+                "120.5"
+            ]
+        );
     }
 }

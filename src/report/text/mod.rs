@@ -1,7 +1,7 @@
 //! Tables as text: Markdown, LaTeX, CSV and the terminal.
 //!
-//! Owns the layout of a table's cells. Knows nothing of where the numbers come from. Start at [`markdown`]; [`Grid`] is what all
-//! formats but CSV show.
+//! Owns the layout of a table's cells. Knows nothing of where the numbers come from. Start at
+//! [`markdown`]; [`Grid`] is what all formats but CSV show.
 
 pub mod claims;
 pub mod compare;
@@ -15,7 +15,9 @@ mod tex;
 pub use csv::{csv, curves_csv, number, seeds_csv, value, written};
 pub use terminal::terminal;
 
-use super::{amount, axis, cell::Cell, reference::PaperValue, table::TableData, verdict::Comparison};
+use super::{
+    amount, axis, cell::Cell, reference::PaperValue, table::TableData, verdict::Comparison,
+};
 use crate::{escape, spec::Key};
 pub use digits::alone;
 use digits::{between, plus_minus};
@@ -52,24 +54,47 @@ pub fn markdown(data: &TableData) -> String {
     text
 }
 
-/// The table for LaTeX: bare, and as a float called `name`. Where it is compared with the paper, environments are called as there.
+/// The table for LaTeX: bare, and as a float called `name`. Where it is compared with the paper,
+/// environments are called as there.
 pub fn latex(name: &str, data: &TableData) -> [String; 2] {
     let mut grid = compact(data);
-    if let Some(column) = data.row_keys.iter().position(|key| *key == Key::Env).filter(|_| compares(data)) {
-        grid.rows.iter_mut().for_each(|row| row[column] = axis::paper_name(&row[column]).to_owned());
+    if let Some(column) = data
+        .row_keys
+        .iter()
+        .position(|key| *key == Key::Env)
+        .filter(|_| compares(data))
+    {
+        grid.rows
+            .iter_mut()
+            .for_each(|row| row[column] = axis::paper_name(&row[column]).to_owned());
     }
-    let notes: Vec<String> = seeds(data).into_iter().chain(data.notes.iter().cloned()).collect();
-    [tex::tabular(&grid), tex::float(name, &data.title, &notes, &grid)]
+    let notes: Vec<String> = seeds(data)
+        .into_iter()
+        .chain(data.notes.iter().cloned())
+        .collect();
+    [
+        tex::tabular(&grid),
+        tex::float(name, &data.title, &notes, &grid),
+    ]
 }
 
-/// What the table is on a page: rows by columns where there are several columns, and one row a cell.
+/// What the table is on a page: rows by columns where there are several columns, and one row a
+/// cell.
 pub fn grids(data: &TableData) -> (Option<Grid>, Grid) {
-    ((data.columns.len() > 1).then(|| matrix(data)), list(data, true))
+    (
+        (data.columns.len() > 1).then(|| matrix(data)),
+        list(data, true),
+    )
 }
 
 /// `n = 5 seeds a cell.`
 fn seeds(data: &TableData) -> Option<String> {
-    let seeds = || data.rows.iter().flat_map(|row| row.cells.iter().flatten()).map(|cell| cell.seeds);
+    let seeds = || {
+        data.rows
+            .iter()
+            .flat_map(|row| row.cells.iter().flatten())
+            .map(|cell| cell.seeds)
+    };
     match (seeds().min()?, seeds().max()?) {
         (fewest, most) if fewest < most => Some(format!("n = {fewest} to {most} seeds a cell.")),
         (_, most) => Some(format!("n = {} a cell.", amount::count(most, "seed"))),
@@ -78,12 +103,19 @@ fn seeds(data: &TableData) -> Option<String> {
 
 /// Whether any value of the paper stands in the table.
 fn compares(data: &TableData) -> bool {
-    data.rows.iter().any(|row| row.cells.iter().flatten().any(|cell| cell.paper.is_some()) || row.paper_demo.is_some())
+    data.rows.iter().any(|row| {
+        row.cells.iter().flatten().any(|cell| cell.paper.is_some()) || row.paper_demo.is_some()
+    })
 }
 
-/// The one grid for LaTeX and the terminal: the matrix where there are several columns, else the list.
+/// The one grid for LaTeX and the terminal: the matrix where there are several columns, else the
+/// list.
 fn compact(data: &TableData) -> Grid {
-    if data.columns.len() > 1 { matrix(data) } else { list(data, false) }
+    if data.columns.len() > 1 {
+        matrix(data)
+    } else {
+        list(data, false)
+    }
 }
 
 /// What the rows are told apart by, in words.
@@ -95,7 +127,10 @@ fn row_headers(data: &TableData) -> Vec<String> {
 fn matrix(data: &TableData) -> Grid {
     let mut headers = row_headers(data);
     let compares = compares(data);
-    let has_demo = data.rows.iter().any(|row| row.demo.or(row.paper_demo).is_some());
+    let has_demo = data
+        .rows
+        .iter()
+        .any(|row| row.demo.or(row.paper_demo).is_some());
     if compares {
         headers.push(String::new());
     }
@@ -114,7 +149,9 @@ fn matrix(data: &TableData) -> Grid {
         ours.extend(demo(row.demo));
         ours.extend(row.cells.iter().map(|cell| match cell {
             None => String::new(),
-            Some(cell) if cell.seeds < cell.planned => format!("{} ({})", our_value(cell), of(cell)),
+            Some(cell) if cell.seeds < cell.planned => {
+                format!("{} ({})", our_value(cell), of(cell))
+            }
             Some(cell) => our_value(cell),
         }));
         rows.push(ours);
@@ -127,14 +164,26 @@ fn matrix(data: &TableData) -> Grid {
         }
     }
     let numeric = (0..headers.len()).map(|column| column >= names).collect();
-    Grid { headers, rows, names, numeric }
+    Grid {
+        headers,
+        rows,
+        names,
+        numeric,
+    }
 }
 
 /// One row a cell, with the value of `each_seed` where that is asked for.
 fn list(data: &TableData, each_seed: bool) -> Grid {
     let several = data.columns.len() > 1;
-    let has = |what: fn(&Cell) -> bool| data.rows.iter().any(|row| row.cells.iter().flatten().any(what));
-    let (compares, differs) = (has(|cell| cell.paper.is_some()), has(|cell| cell.comparison.is_some()));
+    let has = |what: fn(&Cell) -> bool| {
+        data.rows
+            .iter()
+            .any(|row| row.cells.iter().flatten().any(what))
+    };
+    let (compares, differs) = (
+        has(|cell| cell.paper.is_some()),
+        has(|cell| cell.comparison.is_some()),
+    );
     // Of as many seeds as the paper has, it is the best one.
     let expects = has(|cell| cell.seeds > PaperValue::SEEDS && cell.comparison.is_some());
     let mut headers = row_headers(data);
@@ -152,7 +201,12 @@ fn list(data: &TableData, each_seed: bool) -> Grid {
         ("difference", differs),
         ("verdict", compares),
     ];
-    headers.extend(asked.into_iter().filter(|(_, shown)| *shown).map(|(header, _)| header.to_owned()));
+    headers.extend(
+        asked
+            .into_iter()
+            .filter(|(_, shown)| *shown)
+            .map(|(header, _)| header.to_owned()),
+    );
     let mut rows = Vec::new();
     for row in &data.rows {
         for (column, cell) in data.columns.iter().zip(&row.cells) {
@@ -163,11 +217,22 @@ fn list(data: &TableData, each_seed: bool) -> Grid {
             }
             line.extend([our_value(cell), of(cell)]);
             if each_seed {
-                line.push(cell.values.iter().map(|(_, value)| alone(*value)).collect::<Vec<_>>().join(", "));
+                line.push(
+                    cell.values
+                        .iter()
+                        .map(|(_, value)| alone(*value))
+                        .collect::<Vec<_>>()
+                        .join(", "),
+                );
             }
-            line.push(cell.best.map_or(String::new(), |best| plus_minus(best.mean, best.std, OUR_DECIMALS)));
+            line.push(cell.best.map_or(String::new(), |best| {
+                plus_minus(best.mean, best.std, OUR_DECIMALS)
+            }));
             if expects {
-                let expected = cell.comparison.as_ref().and_then(|comparison| comparison.expected_best);
+                let expected = cell
+                    .comparison
+                    .as_ref()
+                    .and_then(|comparison| comparison.expected_best);
                 line.push(expected.map_or(String::new(), alone));
             }
             if compares {
@@ -176,13 +241,26 @@ fn list(data: &TableData, each_seed: bool) -> Grid {
                     let interval = cell.comparison.as_ref().map(Comparison::interval);
                     line.push(interval.map_or(String::new(), |(low, high)| between(low, high)));
                 }
-                line.push(cell.verdict.as_ref().map_or(String::new(), |verdict| verdict.text()));
+                line.push(
+                    cell.verdict
+                        .as_ref()
+                        .map_or(String::new(), |verdict| verdict.text()),
+                );
             }
             rows.push(line);
         }
     }
-    let numeric = headers.iter().enumerate().map(|(column, header)| column >= names && header != "verdict").collect();
-    Grid { headers, rows, names, numeric }
+    let numeric = headers
+        .iter()
+        .enumerate()
+        .map(|(column, header)| column >= names && header != "verdict")
+        .collect();
+    Grid {
+        headers,
+        rows,
+        names,
+        numeric,
+    }
 }
 
 fn our_value(cell: &Cell) -> String {
@@ -195,7 +273,9 @@ fn our_value(cell: &Cell) -> String {
 
 fn paper_value(cell: Option<&Cell>) -> String {
     let paper = cell.and_then(|cell| cell.paper);
-    paper.map_or(String::new(), |paper| plus_minus(paper.mean, paper.std, PAPER_DECIMALS))
+    paper.map_or(String::new(), |paper| {
+        plus_minus(paper.mean, paper.std, PAPER_DECIMALS)
+    })
 }
 
 /// `4 of 5 seeds`, or `5 seeds` where none is lacking.
@@ -209,21 +289,39 @@ fn of(cell: &Cell) -> String {
 
 fn markdown_grid(grid: &Grid) -> String {
     let escaped = |cell: &String| escape::markdown(cell);
-    let lines: Vec<Vec<String>> =
-        [&grid.headers].into_iter().chain(&grid.rows).map(|row| row.iter().map(escaped).collect()).collect();
-    let width = |column: usize| lines.iter().map(|line| line[column].chars().count()).max().unwrap_or(0).max(3);
+    let lines: Vec<Vec<String>> = [&grid.headers]
+        .into_iter()
+        .chain(&grid.rows)
+        .map(|row| row.iter().map(escaped).collect())
+        .collect();
+    let width = |column: usize| {
+        lines
+            .iter()
+            .map(|line| line[column].chars().count())
+            .max()
+            .unwrap_or(0)
+            .max(3)
+    };
     let widths: Vec<usize> = (0..grid.headers.len()).map(width).collect();
     let mut text = String::new();
     for (index, line) in lines.iter().enumerate() {
         for (column, (cell, &width)) in line.iter().zip(&widths).enumerate() {
-            let padded = if grid.numeric[column] { format!("{cell:>width$}") } else { format!("{cell:<width$}") };
+            let padded = if grid.numeric[column] {
+                format!("{cell:>width$}")
+            } else {
+                format!("{cell:<width$}")
+            };
             text.push_str(&format!("| {padded} "));
         }
         text.push_str("|\n");
         if index == 0 {
             for (column, width) in widths.iter().enumerate() {
                 let rule = "-".repeat(width - 1);
-                text.push_str(&if grid.numeric[column] { format!("| {rule}: ") } else { format!("| :{rule} ") });
+                text.push_str(&if grid.numeric[column] {
+                    format!("| {rule}: ")
+                } else {
+                    format!("| :{rule} ")
+                });
             }
             text.push_str("|\n");
         }
@@ -263,8 +361,12 @@ pub(super) mod tests {
             &[
                 fixture::ppo("Hopper-v2", 0).finished(&[(100, &[-10.0, 20.0])]),
                 fixture::ppo("Hopper-v2", 1).failed("training diverged"),
-                mcpo(0).finished(&[(100, &[1800.0, 1802.0])]).demonstrated(Some("a"), Some(974.42)),
-                mcpo(1).finished(&[(100, &[1803.0, 1803.0])]).demonstrated(Some("a"), Some(974.42)),
+                mcpo(0)
+                    .finished(&[(100, &[1800.0, 1802.0])])
+                    .demonstrated(Some("a"), Some(974.42)),
+                mcpo(1)
+                    .finished(&[(100, &[1803.0, 1803.0])])
+                    .demonstrated(Some("a"), Some(974.42)),
                 fixture::ppo("Ant-v2", 0),
             ],
         )
@@ -323,17 +425,37 @@ pub(super) mod tests {
     #[test]
     fn latex_has_the_papers_names_its_label_and_n() {
         let [bare, float] = latex("table-5", &ablation());
-        assert!(bare.contains("\\begin{tabular}{llrrrr@{}ll}\n\\toprule\nd & $\\epsilon$ & ours & seeds"), "{bare}");
-        assert!(bare.contains("10$^{-3}$ & 2$\\cdot$10$^{-3}$ & 120.5 & 1 seed"), "{bare}");
+        assert!(
+            bare.contains(
+                "\\begin{tabular}{llrrrr@{}ll}\n\\toprule\nd & $\\epsilon$ & ours & seeds"
+            ),
+            "{bare}"
+        );
+        assert!(
+            bare.contains("10$^{-3}$ & 2$\\cdot$10$^{-3}$ & 120.5 & 1 seed"),
+            "{bare}"
+        );
         assert!(bare.contains("$-$587 & ${}\\pm{}$987"), "{bare}");
-        assert!(float.contains("\\caption{50 \\% \\& more}\n\\label{tab:table-5}"), "{float}");
+        assert!(
+            float.contains("\\caption{50 \\% \\& more}\n\\label{tab:table-5}"),
+            "{float}"
+        );
         assert!(float.contains("n = 1 seed a cell."), "{float}");
         let pendulum = fixture::ppo("InvertedPendulum-v2", 0).finished(&[(100, &[1.0])]);
         let [bare, _] = latex("t", &made_up(&["env"], "algorithm", "table3", &[pendulum]));
-        assert!(bare.contains("\nPendulum-v2 & ") && !bare.contains("Inverted"), "{bare}");
+        assert!(
+            bare.contains("\nPendulum-v2 & ") && !bare.contains("Inverted"),
+            "{bare}"
+        );
         let [bare, _] = latex("t", &comparison());
-        assert!(bare.contains("Hopper-v2 & ours & 974.42 & 5 & ~(1 of 2 seeds)"), "{bare}");
-        assert!(bare.contains(" & paper & 969.71 & 17 & ${}\\pm{}$14"), "{bare}");
+        assert!(
+            bare.contains("Hopper-v2 & ours & 974.42 & 5 & ~(1 of 2 seeds)"),
+            "{bare}"
+        );
+        assert!(
+            bare.contains(" & paper & 969.71 & 17 & ${}\\pm{}$14"),
+            "{bare}"
+        );
     }
 
     #[test]
@@ -342,12 +464,21 @@ pub(super) mod tests {
         let text = String::from_utf8(bytes).expect("text");
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(lines.len(), 4, "{text}");
-        assert!(lines[0].starts_with("env,algorithm,mean,low,high,seeds,planned_seeds,"), "{text}");
-        assert!(lines[1].starts_with("Hopper-v2,ppo,5,,,1,2,0,5,21.213203435596427,2,17.09,13.54,"), "{text}");
-        assert!(lines[2].starts_with("Hopper-v2,mcpo,1802,1789.29"), "{text}");
-        assert!(lines[2].ends_with(",100,974.42,969.71"), "{text}");
         assert!(
-            lines[3].ends_with("ppo,,,,0,1,,,,,-2332.95,2193.85,,,,,,not comparable: no finished run,100,,1942.05")
+            lines[0].starts_with("env,algorithm,mean,low,high,seeds,planned_seeds,"),
+            "{text}"
         );
+        assert!(
+            lines[1].starts_with("Hopper-v2,ppo,5,,,1,2,0,5,21.213203435596427,2,17.09,13.54,"),
+            "{text}"
+        );
+        assert!(
+            lines[2].starts_with("Hopper-v2,mcpo,1802,1789.29"),
+            "{text}"
+        );
+        assert!(lines[2].ends_with(",100,974.42,969.71"), "{text}");
+        assert!(lines[3].ends_with(
+            "ppo,,,,0,1,,,,,-2332.95,2193.85,,,,,,not comparable: no finished run,100,,1942.05"
+        ));
     }
 }

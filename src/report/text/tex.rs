@@ -1,7 +1,8 @@
 //! Tables for LaTeX: a bare `tabular` for a float of one's own, and a float that is whole.
 //!
-//! Owns what TeX needs: escapes, booktabs' rules, numbers that stand at their `±`. Knows nothing of where the numbers come from.
-//! Start at [`tabular`] and [`float`]. Both need the package booktabs; the float needs graphicx too.
+//! Owns what TeX needs: escapes, booktabs' rules, numbers that stand at their `±`. Knows nothing of
+//! where the numbers come from. Start at [`tabular`] and [`float`]. Both need the package booktabs;
+//! the float needs graphicx too.
 
 use super::Grid;
 use crate::escape;
@@ -13,13 +14,18 @@ pub fn tabular(grid: &Grid) -> String {
     format!("% needs \\usepackage{{booktabs}}\n{}", bare(grid))
 }
 
-/// A float with the grid, its caption with the label `tab:NAME`, and its notes below. A grid wider than the line that it stands in
-/// is set in smaller type, and if that is not enough scaled down, so that no line is overfull whatever the class.
+/// A float with the grid, its caption with the label `tab:NAME`, and its notes below. A grid wider
+/// than the line that it stands in is set in smaller type, and if that is not enough scaled down,
+/// so that no line is overfull whatever the class.
 pub fn float(name: &str, title: &str, notes: &[String], grid: &Grid) -> String {
     let (caption, bare) = (escape::latex(unnumbered(title)), bare(grid));
-    let notes: String = notes.iter().map(|note| format!("{}\n", escape::latex(note))).collect();
+    let notes: String = notes
+        .iter()
+        .map(|note| format!("{}\n", escape::latex(note)))
+        .collect();
     let smaller = [("small", 5), ("footnotesize", 4), ("scriptsize", 3)].map(|(size, gap)| {
-        let set = format!("\\setbox0\\hbox{{\\{size}\\setlength\\tabcolsep{{{gap}pt}}\\mcporuntable}}");
+        let set =
+            format!("\\setbox0\\hbox{{\\{size}\\setlength\\tabcolsep{{{gap}pt}}\\mcporuntable}}");
         format!("\\ifdim\\wd0>\\linewidth{set}\\fi\n")
     });
     format!(
@@ -50,11 +56,14 @@ fn bare(grid: &Grid) -> String {
     let split: Vec<bool> = (0..grid.headers.len())
         .map(|index| grid.numeric[index] && column(index).any(|cell| cell.contains(PLUS_MINUS)))
         .collect();
-    let kinds = split.iter().zip(&grid.numeric).map(|(split, numeric)| match (split, numeric) {
-        (true, _) => "r@{}l",
-        (false, true) => "r",
-        (false, false) => "l",
-    });
+    let kinds = split
+        .iter()
+        .zip(&grid.numeric)
+        .map(|(split, numeric)| match (split, numeric) {
+            (true, _) => "r@{}l",
+            (false, true) => "r",
+            (false, false) => "l",
+        });
     let alignment: String = kinds.collect();
     let headers: Vec<String> = grid
         .headers
@@ -65,9 +74,16 @@ fn bare(grid: &Grid) -> String {
             false => escape::latex(header),
         })
         .collect();
-    let mut text = format!("\\begin{{tabular}}{{{alignment}}}\n\\toprule\n{} \\\\\n\\midrule\n", headers.join(" & "));
+    let mut text = format!(
+        "\\begin{{tabular}}{{{alignment}}}\n\\toprule\n{} \\\\\n\\midrule\n",
+        headers.join(" & ")
+    );
     for row in &grid.rows {
-        let cells: Vec<String> = row.iter().zip(&split).map(|(cell, split)| cell_of(cell, *split)).collect();
+        let cells: Vec<String> = row
+            .iter()
+            .zip(&split)
+            .map(|(cell, split)| cell_of(cell, *split))
+            .collect();
         text.push_str(&format!("{} \\\\\n", cells.join(" & ")));
     }
     text.push_str("\\bottomrule\n\\end{tabular}\n");
@@ -80,8 +96,14 @@ fn cell_of(cell: &str, split: bool) -> String {
         return escape::latex(cell);
     }
     match (cell.split_once(PLUS_MINUS), cell.split_once(" (")) {
-        (Some((mean, rest)), _) => format!("{} & ${{}}\\pm{{}}${}", escape::latex(mean), escape::latex(rest)),
-        (None, Some((number, remark))) => format!("{} & ~({}", escape::latex(number), escape::latex(remark)),
+        (Some((mean, rest)), _) => format!(
+            "{} & ${{}}\\pm{{}}${}",
+            escape::latex(mean),
+            escape::latex(rest)
+        ),
+        (None, Some((number, remark))) => {
+            format!("{} & ~({}", escape::latex(number), escape::latex(remark))
+        }
         (None, None) => format!("{} &", escape::latex(cell)),
     }
 }
@@ -123,10 +145,24 @@ $\\epsilon$ \\& d & \\multicolumn{2}{c}{MCPO} & n & verdict \\\\
 
     #[test]
     fn a_float_has_its_label_and_its_notes_below() {
-        let text = float("table-3", "Table 3: 50 % & more", &["n = 5 seeds.".to_owned()], &grid());
-        assert!(text.contains("\\caption{50 \\% \\& more}\n\\label{tab:table-3}"), "{text}");
-        assert!(text.contains("\\raggedright\nn = 5 seeds.\n\\end{minipage}"), "{text}");
-        let (table, end) = (text.find("\\bottomrule").expect("a table"), text.find("n = 5").expect("a note"));
+        let text = float(
+            "table-3",
+            "Table 3: 50 % & more",
+            &["n = 5 seeds.".to_owned()],
+            &grid(),
+        );
+        assert!(
+            text.contains("\\caption{50 \\% \\& more}\n\\label{tab:table-3}"),
+            "{text}"
+        );
+        assert!(
+            text.contains("\\raggedright\nn = 5 seeds.\n\\end{minipage}"),
+            "{text}"
+        );
+        let (table, end) = (
+            text.find("\\bottomrule").expect("a table"),
+            text.find("n = 5").expect("a note"),
+        );
         assert!(table < end);
     }
 }

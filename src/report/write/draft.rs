@@ -37,7 +37,11 @@ pub struct Draft {
 impl Draft {
     /// An empty report in these `files`.
     pub fn new(files: Files) -> Self {
-        Self { files, body: String::new(), unknown: BTreeSet::new() }
+        Self {
+            files,
+            body: String::new(),
+            unknown: BTreeSet::new(),
+        }
     }
 
     /// Adds the claims.
@@ -47,7 +51,12 @@ impl Draft {
     /// As of all parts: the disk refuses, or a picture or table cannot be encoded.
     pub fn claims(&mut self, data: &ClaimsData) -> Result<(), ReportError> {
         let markdown = text::claims::markdown(data);
-        self.table_files(CLAIMS, &markdown, text::claims::latex(CLAIMS, data), &text::claims::csv(data)?)
+        self.table_files(
+            CLAIMS,
+            &markdown,
+            text::claims::latex(CLAIMS, data),
+            &text::claims::csv(data)?,
+        )
     }
 
     /// Adds a table of returns.
@@ -56,8 +65,15 @@ impl Draft {
     ///
     /// As for [`claims`](Self::claims).
     pub fn table(&mut self, name: &str, data: &TableData) -> Result<(), ReportError> {
-        self.table_files(name, &text::markdown(data), text::latex(name, data), &text::csv(data)?)?;
-        Ok(self.files.write(&format!("{name}-seeds"), "csv", &text::seeds_csv(data)?)?)
+        self.table_files(
+            name,
+            &text::markdown(data),
+            text::latex(name, data),
+            &text::csv(data)?,
+        )?;
+        Ok(self
+            .files
+            .write(&format!("{name}-seeds"), "csv", &text::seeds_csv(data)?)?)
     }
 
     /// Adds a table of settings.
@@ -67,10 +83,21 @@ impl Draft {
     /// As for [`claims`](Self::claims).
     pub fn settings(&mut self, name: &str, data: &SettingsData) -> Result<(), ReportError> {
         let markdown = text::settings::markdown(data);
-        self.table_files(name, &markdown, text::settings::latex(name, data), &text::settings::csv(data)?)
+        self.table_files(
+            name,
+            &markdown,
+            text::settings::latex(name, data),
+            &text::settings::csv(data)?,
+        )
     }
 
-    fn table_files(&mut self, name: &str, markdown: &str, latex: [String; 2], csv: &[u8]) -> Result<(), ReportError> {
+    fn table_files(
+        &mut self,
+        name: &str,
+        markdown: &str,
+        latex: [String; 2],
+        csv: &[u8],
+    ) -> Result<(), ReportError> {
         self.files.table(name, markdown, latex, csv)?;
         self.body.push_str(&format!("\n#{markdown}")); // a table's own heading is one level higher
         Ok(())
@@ -89,22 +116,36 @@ impl Draft {
     ) -> Result<page::Figure<'a>, ReportError> {
         let Figure { name, title, .. } = figure;
         let (picture, caption, curves) = match figure.y {
-            Drawing::Step => (figure::step::draw(figure.width.map(Width::inches))?, String::new(), None),
+            Drawing::Step => (
+                figure::step::draw(figure.width.map(Width::inches))?,
+                String::new(),
+                None,
+            ),
             Drawing::Of(y) => {
-                let data = CurveData::new(figure, y, &selected(runs, figure.only.as_ref()), identities);
-                self.files.write(&format!("{name}-curves"), "csv", &text::curves_csv(&data)?)?;
+                let data =
+                    CurveData::new(figure, y, &selected(runs, figure.only.as_ref()), identities);
+                self.files
+                    .write(&format!("{name}-curves"), "csv", &text::curves_csv(&data)?)?;
                 (figure::draw(&data), figure::notes(&data).all(), Some(data))
             }
         };
         self.unknown.extend(picture.without_glyph());
         let svg = self.picture(name, title, &picture)?;
         if figure.width.is_some() {
-            self.files.write(name, "pdf", &picture.pdf().map_err(ReportError::Draw)?)?;
-            self.body.push_str(&format!("\n{}\n", escape::markdown(&caption))); // which print does not have in the picture
+            self.files
+                .write(name, "pdf", &picture.pdf().map_err(ReportError::Draw)?)?;
+            self.body
+                .push_str(&format!("\n{}\n", escape::markdown(&caption))); // which print does not have in the picture
         }
         let files = figure_files(figure);
         let shows = curves.map_or(Shows::Picture(svg), |data| Shows::Curves(Box::new(data)));
-        Ok(page::Figure { name, title, caption, files, shows })
+        Ok(page::Figure {
+            name,
+            title,
+            caption,
+            files,
+            shows,
+        })
     }
 
     /// Adds the summaries over environments; gives what the page shows of their figure.
@@ -112,11 +153,18 @@ impl Draft {
     /// # Errors
     ///
     /// As for [`claims`](Self::claims).
-    pub fn statistics<'a>(&mut self, data: &'a StatisticsData) -> Result<page::Figure<'a>, ReportError> {
+    pub fn statistics<'a>(
+        &mut self,
+        data: &'a StatisticsData,
+    ) -> Result<page::Figure<'a>, ReportError> {
         let markdown = text::statistics::markdown(data);
         let latex = text::statistics::latex(STATISTICS, data);
         self.table_files(STATISTICS, &markdown, latex, &text::statistics::csv(data)?)?;
-        self.files.write(&format!("{PROFILE}-curves"), "csv", &text::curves_csv(&data.profile)?)?;
+        self.files.write(
+            &format!("{PROFILE}-curves"),
+            "csv",
+            &text::curves_csv(&data.profile)?,
+        )?;
         self.picture(PROFILE, &data.profile.title, &figure::draw(&data.profile))?;
         Ok(page::Figure {
             name: PROFILE,
@@ -128,12 +176,19 @@ impl Draft {
     }
 
     /// Adds a picture for the screen; gives it as SVG.
-    fn picture(&mut self, name: &str, title: &str, picture: &figure::picture::Picture) -> Result<String, ReportError> {
+    fn picture(
+        &mut self,
+        name: &str,
+        title: &str,
+        picture: &figure::picture::Picture,
+    ) -> Result<String, ReportError> {
         let svg = picture.svg().map_err(ReportError::Draw)?;
-        self.files.write(name, "png", &picture.png().map_err(ReportError::Draw)?)?;
+        self.files
+            .write(name, "png", &picture.png().map_err(ReportError::Draw)?)?;
         self.files.write(name, "svg", svg.as_bytes())?;
         let title = escape::markdown(title);
-        self.body.push_str(&format!("\n## {title}\n\n![{title}]({name}.png)\n"));
+        self.body
+            .push_str(&format!("\n## {title}\n\n![{title}]({name}.png)\n"));
         Ok(svg)
     }
 }
@@ -141,6 +196,14 @@ impl Draft {
 /// How the names of the files of `figure` end.
 fn figure_files(figure: &Figure) -> Vec<&'static str> {
     let (numbers, print) = (figure.y.measure().is_some(), figure.width.is_some());
-    let all = [(".png", true), (".svg", true), (".pdf", print), ("-curves.csv", numbers)];
-    all.into_iter().filter(|(_, has)| *has).map(|(extension, _)| extension).collect()
+    let all = [
+        (".png", true),
+        (".svg", true),
+        (".pdf", print),
+        ("-curves.csv", numbers),
+    ];
+    all.into_iter()
+        .filter(|(_, has)| *has)
+        .map(|(extension, _)| extension)
+        .collect()
 }

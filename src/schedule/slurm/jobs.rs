@@ -54,22 +54,29 @@ impl Asked {
     /// The disk refuses.
     pub fn add(&self, folder: &Path) -> Result<(), RecordError> {
         let path = Self::path(folder);
-        let mut line = serde_json::to_vec(self).map_err(|error| io_error("write", &path)(error.into()))?;
+        let mut line =
+            serde_json::to_vec(self).map_err(|error| io_error("write", &path)(error.into()))?;
         line.push(b'\n');
         let options = OpenOptions::new().append(true).create(true).clone();
-        let mut file = intake::open(&path, Links::Refuse, &options).map_err(opened_or(&path, "write"))?;
-        file.write_all(&line).and_then(|()| file.sync_all()).map_err(io_error("write", &path))
+        let mut file =
+            intake::open(&path, Links::Refuse, &options).map_err(opened_or(&path, "write"))?;
+        file.write_all(&line)
+            .and_then(|()| file.sync_all())
+            .map_err(io_error("write", &path))
     }
 
-    /// All that was asked for the submission in `folder`, in order. A line that was cut off by a crash counts as none: its
-    /// elements are sent again, and find what the first ones did.
+    /// All that was asked for the submission in `folder`, in order. A line that was cut off by a
+    /// crash counts as none: its elements are sent again, and find what the first ones did.
     ///
     /// # Errors
     ///
     /// The system refuses.
     pub fn read(folder: &Path) -> Result<Vec<Self>, RecordError> {
         let bytes = read_bounded(&Self::path(folder), LIMIT)?.unwrap_or_default();
-        Ok(bytes.split(|&byte| byte == b'\n').filter_map(|line| serde_json::from_slice(line).ok()).collect())
+        Ok(bytes
+            .split(|&byte| byte == b'\n')
+            .filter_map(|line| serde_json::from_slice(line).ok())
+            .collect())
     }
 }
 
@@ -82,11 +89,21 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         assert_eq!(Asked::read(folder.path()).expect("absence is no error"), []);
         let asked = [
-            Asked::Array { job: "12".to_owned(), first: 0, count: 1000 },
-            Asked::Collect { job: "13".to_owned() },
-            Asked::Cancel { elements: vec![3, 5] },
+            Asked::Array {
+                job: "12".to_owned(),
+                first: 0,
+                count: 1000,
+            },
+            Asked::Collect {
+                job: "13".to_owned(),
+            },
+            Asked::Cancel {
+                elements: vec![3, 5],
+            },
         ];
-        asked.iter().for_each(|asked| asked.add(folder.path()).expect("written"));
+        asked
+            .iter()
+            .for_each(|asked| asked.add(folder.path()).expect("written"));
         assert_eq!(Asked::read(folder.path()).expect("there"), asked);
         let path = Asked::path(folder.path());
         let whole = std::fs::read(&path).expect("there");

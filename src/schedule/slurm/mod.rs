@@ -1,7 +1,8 @@
 //! Slurm, by its own commands: what is submitted, what it says of it, and how it is cancelled.
 //!
-//! Nothing of ours stays running, and Slurm's word is a hint: the runs' own files say what has become of them. Everything that a
-//! file or a folder is called reaches Slurm as an argument of its own, and a script only between quotes. Start at
+//! Nothing of ours stays running, and Slurm's word is a hint: the runs' own files say what has
+//! become of them. Everything that a file or a folder is called reaches Slurm as an argument of its
+//! own, and a script only between quotes. Start at
 //! [`sbatch`] and [`queue`].
 
 pub mod jobs;
@@ -42,15 +43,29 @@ const MAX_ARRAY_SIZE: usize = 1001;
 
 /// What `program` writes to stdout.
 fn call<S: AsRef<OsStr>>(program: &'static str, arguments: &[S]) -> Result<String, SlurmError> {
-    let Output { status, stdout, stderr } =
-        Command::new(program).args(arguments).output().map_err(|source| SlurmError::Missing { program, source })?;
+    let Output {
+        status,
+        stdout,
+        stderr,
+    } = Command::new(program)
+        .args(arguments)
+        .output()
+        .map_err(|source| SlurmError::Missing { program, source })?;
     if status.success() {
         return Ok(String::from_utf8_lossy(&stdout).into_owned());
     }
     let own = format!("{program}: error: ");
     let said = String::from_utf8_lossy(&stderr);
-    let said = said.lines().map(|line| line.trim_start_matches(&own)).collect::<Vec<_>>().join("; ");
-    let said = if said.is_empty() { status.to_string() } else { said };
+    let said = said
+        .lines()
+        .map(|line| line.trim_start_matches(&own))
+        .collect::<Vec<_>>()
+        .join("; ");
+    let said = if said.is_empty() {
+        status.to_string()
+    } else {
+        said
+    };
     Err(SlurmError::Refused { program, said })
 }
 
@@ -65,9 +80,10 @@ pub fn sbatch(arguments: &[OsString]) -> Result<String, SlurmError> {
     let job = said.trim().split(';').next().unwrap_or_default().to_owned();
     match !job.is_empty() && job.bytes().all(|c| c.is_ascii_digit()) {
         true => Ok(job),
-        false => {
-            Err(SlurmError::Refused { program: "sbatch", said: format!("it gave no job's number: {}", said.trim()) })
-        }
+        false => Err(SlurmError::Refused {
+            program: "sbatch",
+            said: format!("it gave no job's number: {}", said.trim()),
+        }),
     }
 }
 
@@ -78,7 +94,8 @@ pub fn sbatch(arguments: &[OsString]) -> Result<String, SlurmError> {
 /// Slurm is not there, or refuses.
 pub fn scancel(jobs: &[String]) -> Result<(), SlurmError> {
     // A command line holds only so much.
-    jobs.chunks(1000).try_for_each(|jobs| call("scancel", jobs).map(drop))
+    jobs.chunks(1000)
+        .try_for_each(|jobs| call("scancel", jobs).map(drop))
 }
 
 /// Lets an element of a job be started again from its beginning.
@@ -93,7 +110,12 @@ pub fn requeue(element: &str) -> Result<(), SlurmError> {
 /// How many elements one array may have: the cluster's, or else Slurm's default.
 pub fn most_elements() -> usize {
     let config = call("scontrol", &["show", "config"]).unwrap_or_default();
-    let value = config.lines().find_map(|line| line.trim().strip_prefix("MaxArraySize")?.split_once('='));
+    let value = config
+        .lines()
+        .find_map(|line| line.trim().strip_prefix("MaxArraySize")?.split_once('='));
     // The greatest index is one less.
-    value.and_then(|(_, size)| size.trim().parse().ok()).filter(|&size| size > 0).unwrap_or(MAX_ARRAY_SIZE)
+    value
+        .and_then(|(_, size)| size.trim().parse().ok())
+        .filter(|&size| size > 0)
+        .unwrap_or(MAX_ARRAY_SIZE)
 }

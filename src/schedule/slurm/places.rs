@@ -46,7 +46,9 @@ pub enum Fate {
 impl Place {
     /// What the cluster makes of it.
     pub fn fate(&self) -> Fate {
-        let Some((job, index)) = &self.job else { return Fate::Unsent };
+        let Some((job, index)) = &self.job else {
+            return Fate::Unsent;
+        };
         match &self.row {
             Some(row) if row.stage() == Stage::Waits => Fate::Waits(row.reason.clone()),
             Some(row) if row.stage() == Stage::Runs => Fate::Runs(row.nodes.clone()),
@@ -62,29 +64,50 @@ impl Place {
     }
 }
 
-/// The places of those of `runs`, all of one `experiment`, that were submitted, by their ids; each in the last submission that
-/// holds it as it is planned now.
+/// The places of those of `runs`, all of one `experiment`, that were submitted, by their ids; each
+/// in the last submission that holds it as it is planned now.
 ///
 /// # Errors
 ///
 /// A submission cannot be read, or Slurm does not answer.
-pub fn places(results: &Path, experiment: &str, runs: &[&Planned]) -> Result<HashMap<String, Place>, PlacesError> {
-    let wanted: HashMap<&str, &str> =
-        runs.iter().map(|run| (run.spec.id.as_str(), run.stamp.fingerprint.as_str())).collect();
+pub fn places(
+    results: &Path,
+    experiment: &str,
+    runs: &[&Planned],
+) -> Result<HashMap<String, Place>, PlacesError> {
+    let wanted: HashMap<&str, &str> = runs
+        .iter()
+        .map(|run| (run.spec.id.as_str(), run.stamp.fingerprint.as_str()))
+        .collect();
     let mut places = HashMap::new();
     for folder in submission::folders(results, experiment)? {
         let asked = Asked::read(&folder)?;
         let cancelled: BTreeSet<usize> = asked.iter().flat_map(Asked::cancelled).copied().collect();
-        for (element, runs) in Submission::names(&Submission::plan(&folder))?.into_iter().enumerate() {
+        for (element, runs) in Submission::names(&Submission::plan(&folder))?
+            .into_iter()
+            .enumerate()
+        {
             let job = asked.iter().find_map(|asked| asked.holds(element));
-            for run in runs.iter().filter(|run| wanted.get(run.id()) == Some(&run.fingerprint.as_str())) {
+            for run in runs
+                .iter()
+                .filter(|run| wanted.get(run.id()) == Some(&run.fingerprint.as_str()))
+            {
                 let (folder, is_cancelled) = (folder.clone(), cancelled.contains(&element));
-                let place = Place { folder, element, job: job.clone(), is_cancelled, row: None };
+                let place = Place {
+                    folder,
+                    element,
+                    job: job.clone(),
+                    is_cancelled,
+                    row: None,
+                };
                 places.insert(run.id().to_owned(), place);
             }
         }
     }
-    let jobs: BTreeSet<String> = places.values().filter_map(|place| Some(place.job.as_ref()?.0.clone())).collect();
+    let jobs: BTreeSet<String> = places
+        .values()
+        .filter_map(|place| Some(place.job.as_ref()?.0.clone()))
+        .collect();
     if !jobs.is_empty() {
         let rows = queue::rows(&jobs.into_iter().collect::<Vec<_>>())?;
         for place in places.values_mut() {
@@ -124,11 +147,16 @@ impl Asked {
     }
 }
 
-/// The names by which `scancel` knows the elements of `places`, by the submission that they belong to, with their numbers there.
-pub fn elements<'a>(places: impl Iterator<Item = &'a Place>) -> BTreeMap<PathBuf, (BTreeSet<String>, BTreeSet<usize>)> {
+/// The names by which `scancel` knows the elements of `places`, by the submission that they belong
+/// to, with their numbers there.
+pub fn elements<'a>(
+    places: impl Iterator<Item = &'a Place>,
+) -> BTreeMap<PathBuf, (BTreeSet<String>, BTreeSet<usize>)> {
     let mut elements: BTreeMap<PathBuf, (BTreeSet<String>, BTreeSet<usize>)> = BTreeMap::new();
     for place in places {
-        let Some((job, index)) = &place.job else { continue };
+        let Some((job, index)) = &place.job else {
+            continue;
+        };
         let (names, numbers) = elements.entry(place.folder.clone()).or_default();
         names.insert(format!("{job}_{index}"));
         numbers.insert(place.element);
@@ -149,25 +177,51 @@ pub(crate) mod tests {
             reason: "Resources".to_owned(),
         });
         let job = Some(("12".to_owned(), 3));
-        Place { folder: PathBuf::new(), element: 3, job, is_cancelled, row }
+        Place {
+            folder: PathBuf::new(),
+            element: 3,
+            job,
+            is_cancelled,
+            row,
+        }
     }
 
     #[test]
     fn no_row_is_a_lost_job_unless_it_was_cancelled_and_no_job_was_never_sent() {
         assert_eq!(place(None, false).fate(), Fate::Lost("12_3".to_owned()));
         assert_eq!(place(None, true).fate(), Fate::Cancelled);
-        assert_eq!(Place { job: None, ..place(None, false) }.fate(), Fate::Unsent);
-        assert_eq!(place(Some("PENDING"), false).fate(), Fate::Waits("Resources".to_owned()));
-        assert_eq!(place(Some("RUNNING"), true).fate(), Fate::Runs("n1".to_owned()), "it has not ended yet");
+        assert_eq!(
+            Place {
+                job: None,
+                ..place(None, false)
+            }
+            .fate(),
+            Fate::Unsent
+        );
+        assert_eq!(
+            place(Some("PENDING"), false).fate(),
+            Fate::Waits("Resources".to_owned())
+        );
+        assert_eq!(
+            place(Some("RUNNING"), true).fate(),
+            Fate::Runs("n1".to_owned()),
+            "it has not ended yet"
+        );
         assert_eq!(place(Some("CANCELLED"), true).fate(), Fate::Cancelled);
-        assert!(matches!(place(Some("COMPLETED"), false).fate(), Fate::Ended(how) if how.contains("COMPLETED")));
+        assert!(
+            matches!(place(Some("COMPLETED"), false).fate(), Fate::Ended(how) if how.contains("COMPLETED"))
+        );
         assert!(place(Some("PENDING"), false).is_taken());
         assert!(!place(Some("COMPLETED"), false).is_taken() && !place(None, false).is_taken());
     }
 
     #[test]
     fn an_element_is_known_by_its_place_in_the_array_that_it_was_sent_with() {
-        let array = Asked::Array { job: "12".to_owned(), first: 1000, count: 5 };
+        let array = Asked::Array {
+            job: "12".to_owned(),
+            first: 1000,
+            count: 5,
+        };
         assert_eq!(array.holds(999), None);
         assert_eq!(array.holds(1004), Some(("12".to_owned(), 4)));
         assert_eq!(array.holds(1005), None);

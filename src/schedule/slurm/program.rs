@@ -1,4 +1,5 @@
-//! The program that a submission runs: a copy of this one, which nobody builds anew while elements wait.
+//! The program that a submission runs: a copy of this one, which nobody builds anew while elements
+//! wait.
 
 use std::{
     env, fs, io,
@@ -7,7 +8,8 @@ use std::{
 
 use crate::record::{Executable, RecordError, io_error};
 
-/// This program's copy under `results`, where all nodes see it, made if need be. Submissions of one program share it.
+/// This program's copy under `results`, where all nodes see it, made if need be. Submissions of one
+/// program share it.
 ///
 /// # Errors
 ///
@@ -22,7 +24,9 @@ pub fn frozen(results: &Path) -> Result<PathBuf, RecordError> {
     }
     // With its permissions, beside its place and renamed: whoever finds it finds all of it.
     let copied = || -> io::Result<()> {
-        let beside = tempfile::Builder::new().prefix(".writing-").tempfile_in(&folder)?;
+        let beside = tempfile::Builder::new()
+            .prefix(".writing-")
+            .tempfile_in(&folder)?;
         fs::copy(env::current_exe()?, beside.path())?;
         beside.as_file().sync_all()?;
         beside.persist(&path).map_err(|error| error.error)?;

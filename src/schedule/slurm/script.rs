@@ -29,8 +29,8 @@ pub struct Chunk {
     pub throttle: Option<usize>,
 }
 
-/// `elements` in arrays of at most `most`. What may run at a time is shared among the arrays; `None` where there are more arrays
-/// than that.
+/// `elements` in arrays of at most `most`. What may run at a time is shared among the arrays;
+/// `None` where there are more arrays than that.
 pub fn chunks(elements: usize, most: usize, throttle: Option<usize>) -> Option<Vec<Chunk>> {
     let arrays = elements.div_ceil(most.max(1));
     if throttle.is_some_and(|throttle| throttle < arrays) {
@@ -40,7 +40,11 @@ pub fn chunks(elements: usize, most: usize, throttle: Option<usize>) -> Option<V
         let first = array * most;
         // The first ones, with the longest runs, get what does not divide.
         let share = |throttle: usize| throttle / arrays + usize::from(array < throttle % arrays);
-        Chunk { first, count: most.min(elements - first), throttle: throttle.map(share) }
+        Chunk {
+            first,
+            count: most.min(elements - first),
+            throttle: throttle.map(share),
+        }
     };
     Some((0..arrays).map(chunk).collect())
 }
@@ -60,7 +64,8 @@ pub fn array(program: &Path, folder: &Path) -> Vec<u8> {
 
 /// The script that writes the report with `arguments`, in `folder`.
 pub fn collect(program: &Path, folder: &Path, arguments: &[OsString]) -> Vec<u8> {
-    let mut script = b"#!/bin/sh\n# When all elements of mcpo-run have ended: the report.\ncd -- ".to_vec();
+    let mut script =
+        b"#!/bin/sh\n# When all elements of mcpo-run have ended: the report.\ncd -- ".to_vec();
     script.extend(quoted(folder.as_os_str()));
     script.extend(b" || exit\nexec ");
     script.extend(quoted(program.as_os_str()));
@@ -74,8 +79,15 @@ pub fn collect(program: &Path, folder: &Path, arguments: &[OsString]) -> Vec<u8>
 }
 
 /// The arguments of `sbatch` for the elements of `chunk` of the submission in `folder`.
-pub fn sbatch_array(request: &Request, chunk: Chunk, experiment: &str, folder: &Path) -> Vec<OsString> {
-    let throttle = chunk.throttle.map_or_else(String::new, |throttle| format!("%{throttle}"));
+pub fn sbatch_array(
+    request: &Request,
+    chunk: Chunk,
+    experiment: &str,
+    folder: &Path,
+) -> Vec<OsString> {
+    let throttle = chunk
+        .throttle
+        .map_or_else(String::new, |throttle| format!("%{throttle}"));
     let mut arguments = common(experiment, folder, "%A_%a");
     arguments.push(format!("--array=0-{}{throttle}", chunk.count - 1).into());
     arguments.push("--requeue".into());
@@ -87,7 +99,12 @@ pub fn sbatch_array(request: &Request, chunk: Chunk, experiment: &str, folder: &
 }
 
 /// The arguments of `sbatch` for the report when `jobs` have ended, however they end.
-pub fn sbatch_collect(request: &Request, jobs: &[String], experiment: &str, folder: &Path) -> Vec<OsString> {
+pub fn sbatch_collect(
+    request: &Request,
+    jobs: &[String],
+    experiment: &str,
+    folder: &Path,
+) -> Vec<OsString> {
     let mut arguments = common(experiment, folder, "report-%j");
     arguments.push(format!("--dependency=afterany:{}", jobs.join(":")).into());
     arguments.push("--requeue".into());
@@ -98,7 +115,11 @@ pub fn sbatch_collect(request: &Request, jobs: &[String], experiment: &str, fold
 
 fn common(experiment: &str, folder: &Path, log: &str) -> Vec<OsString> {
     let id = folder.file_name().unwrap_or_default().to_string_lossy();
-    let output = joined(&[OsStr::new("--output="), &literal(folder), OsStr::new(&format!("/log/{log}.txt"))]);
+    let output = joined(&[
+        OsStr::new("--output="),
+        &literal(folder),
+        OsStr::new(&format!("/log/{log}.txt")),
+    ]);
     vec![
         "--parsable".into(),
         format!("--job-name={experiment}").into(),
@@ -112,7 +133,18 @@ fn common(experiment: &str, folder: &Path, log: &str) -> Vec<OsString> {
 fn literal(path: &Path) -> OsString {
     use std::os::unix::ffi::{OsStrExt, OsStringExt};
     let bytes = path.as_os_str().as_bytes();
-    OsString::from_vec(bytes.iter().flat_map(|&byte| if byte == b'%' { vec![b'%'; 2] } else { vec![byte] }).collect())
+    OsString::from_vec(
+        bytes
+            .iter()
+            .flat_map(|&byte| {
+                if byte == b'%' {
+                    vec![b'%'; 2]
+                } else {
+                    vec![byte]
+                }
+            })
+            .collect(),
+    )
 }
 
 fn joined(parts: &[&OsStr]) -> OsString {
@@ -127,7 +159,11 @@ pub fn quoted(text: &OsStr) -> Vec<u8> {
     use std::os::unix::ffi::OsStrExt;
     let mut word = b"'".to_vec();
     for &byte in text.as_bytes() {
-        if byte == b'\'' { word.extend(br"'\''") } else { word.push(byte) }
+        if byte == b'\'' {
+            word.extend(br"'\''")
+        } else {
+            word.push(byte)
+        }
     }
     word.push(b'\'');
     word
@@ -158,8 +194,12 @@ mod tests {
             let mut script = b"printf %s ".to_vec();
             script.extend(quoted(OsStr::new(text)));
             let mut shell = Command::new("sh");
-            let output =
-                shell.arg("-c").arg(OsStr::from_bytes(&script)).current_dir(folder.path()).output().expect("sh");
+            let output = shell
+                .arg("-c")
+                .arg(OsStr::from_bytes(&script))
+                .current_dir(folder.path())
+                .output()
+                .expect("sh");
             assert_eq!(output.stdout, text.as_bytes());
         }
         assert!(!folder.path().join("pwned").exists());
@@ -177,13 +217,22 @@ mod tests {
             let script = folder.path().join("script");
             std::fs::write(&script, array(&program, &submission)).expect("written");
             let mut shell = Command::new("sh");
-            shell.arg(&script).arg("1000").env("SLURM_ARRAY_TASK_ID", "7").current_dir(folder.path());
+            shell
+                .arg(&script)
+                .arg("1000")
+                .env("SLURM_ARRAY_TASK_ID", "7")
+                .current_dir(folder.path());
             let said = String::from_utf8(shell.output().expect("sh").stdout).expect("text");
             let plan = submission.join("plan.jsonl");
-            assert_eq!(said, format!("worker|--manifest|{}|--index|1007|", plan.display()));
+            assert_eq!(
+                said,
+                format!("worker|--manifest|{}|--index|1007|", plan.display())
+            );
             let collected = collect(&program, folder.path(), &["--".into(), text.into()]);
             std::fs::write(&script, collected).expect("written");
-            let said = String::from_utf8(Command::new("sh").arg(&script).output().expect("sh").stdout).expect("text");
+            let said =
+                String::from_utf8(Command::new("sh").arg(&script).output().expect("sh").stdout)
+                    .expect("text");
             assert_eq!(said, format!("report|--|{text}|"));
             assert!(!folder.path().join("pwned").exists());
         }
@@ -191,8 +240,16 @@ mod tests {
 
     #[test]
     fn every_value_is_an_argument_of_its_own() {
-        let request = Request { options: vec!["--partition=-x; $(y)".to_owned()], throttle: Some(4), grace: 120 };
-        let chunk = Chunk { first: 1000, count: 8, throttle: Some(2) };
+        let request = Request {
+            options: vec!["--partition=-x; $(y)".to_owned()],
+            throttle: Some(4),
+            grace: 120,
+        };
+        let chunk = Chunk {
+            first: 1000,
+            count: 8,
+            throttle: Some(2),
+        };
         let arguments = sbatch_array(&request, chunk, "e", Path::new("/a 100%/b"));
         let expected = [
             "--parsable",
@@ -212,9 +269,17 @@ mod tests {
 
     #[test]
     fn elements_are_shared_out_among_arrays_that_the_cluster_allows() {
-        let chunk = |first, count, throttle| Chunk { first, count, throttle };
+        let chunk = |first, count, throttle| Chunk {
+            first,
+            count,
+            throttle,
+        };
         assert_eq!(chunks(3, 5, None), Some(vec![chunk(0, 3, None)]));
-        let three = vec![chunk(0, 5, Some(4)), chunk(5, 5, Some(3)), chunk(10, 2, Some(3))];
+        let three = vec![
+            chunk(0, 5, Some(4)),
+            chunk(5, 5, Some(3)),
+            chunk(10, 2, Some(3)),
+        ];
         assert_eq!(chunks(12, 5, Some(10)), Some(three));
         assert_eq!(chunks(12, 5, Some(2)), None);
     }

@@ -34,16 +34,28 @@ impl Checker<'_> {
         let place = |key: &str| claim.get(key).map_or(span.clone(), |value| value.span());
         match text("is") {
             Some("kept") => {
-                for key in OF_COMPARISONS.into_iter().filter(|key| claim.contains_key(*key)) {
-                    self.note(place(key), format!("`{key}` means nothing for a constraint that is kept"), None);
+                for key in OF_COMPARISONS
+                    .into_iter()
+                    .filter(|key| claim.contains_key(*key))
+                {
+                    self.note(
+                        place(key),
+                        format!("`{key}` means nothing for a constraint that is kept"),
+                        None,
+                    );
                 }
             }
             Some("above" | "below" | "like") => {
                 if claim.contains_key("share") {
-                    self.note(place("share"), "`share` is only for a constraint that is `kept`", None);
+                    self.note(
+                        place("share"),
+                        "`share` is only for a constraint that is `kept`",
+                        None,
+                    );
                 }
                 if !claim.contains_key("than") {
-                    let label = "expected runs such as `algorithm=ppo`, or `demonstration`".to_owned();
+                    let label =
+                        "expected runs such as `algorithm=ppo`, or `demonstration`".to_owned();
                     self.note(span.clone(), "this claim has no `than`", Some(label));
                 }
             }
@@ -51,17 +63,26 @@ impl Checker<'_> {
         }
         let margin = claim.get("margin").map_or(Some(0.0), number);
         if text("is") == Some("like") && margin.is_some_and(|margin| margin <= 0.0) {
-            let label = "expected a number above 0: nothing is the same to the last digit".to_owned();
+            let label =
+                "expected a number above 0: nothing is the same to the last digit".to_owned();
             self.note(place("margin"), "`like` needs a `margin`", Some(label));
         }
         let on = text("on").unwrap_or(Measure::RETURN);
         if text("than") == Some(Versus::DEMONSTRATION) && on != Measure::RETURN {
-            self.note(place("than"), format!("a demonstration has a return, but no `{on}`"), None);
+            self.note(
+                place("than"),
+                format!("a demonstration has a return, but no `{on}`"),
+                None,
+            );
         }
     }
 }
 
 /// The number that a value is.
 fn number(value: &Value<'_>) -> Option<f64> {
-    super::plain_value(value).and_then(|value| value.as_float().or_else(|| Some(value.as_integer()? as f64)))
+    super::plain_value(value).and_then(|value| {
+        value
+            .as_float()
+            .or_else(|| Some(value.as_integer()? as f64))
+    })
 }

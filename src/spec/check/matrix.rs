@@ -15,8 +15,15 @@ use crate::spec::{
 impl Checker<'_> {
     /// One `[[matrix]]` block, whose header is at `span`.
     pub(super) fn block(&mut self, block: &DeTable<'_>, span: Range<usize>) {
-        for key in BLOCK_KEYS.into_iter().filter(|key| !block.contains_key(*key)) {
-            self.note(span.clone(), format!("this block has no `{key}`"), Some(format!("write `{key} = [...]`")));
+        for key in BLOCK_KEYS
+            .into_iter()
+            .filter(|key| !block.contains_key(*key))
+        {
+            self.note(
+                span.clone(),
+                format!("this block has no `{key}`"),
+                Some(format!("write `{key} = [...]`")),
+            );
         }
         let algorithms = self.algorithms_of(block);
         let mut seen: Vec<(&str, Parameter)> = Vec::new();
@@ -35,10 +42,18 @@ impl Checker<'_> {
                     }
                     None => this.axis(key, span.clone(), value, &algorithms),
                 }
-                let Some(parameter) = Parameter::find(key) else { return };
-                let same = |(_, other): &&(&str, Parameter)| algorithms.iter().any(|name| parameter.is(other, name));
+                let Some(parameter) = Parameter::find(key) else {
+                    return;
+                };
+                let same = |(_, other): &&(&str, Parameter)| {
+                    algorithms.iter().any(|name| parameter.is(other, name))
+                };
                 if let Some((other, _)) = seen.iter().find(same) {
-                    this.wrong(span, format!("the axes `{other}` and `{key}` are the same"), None);
+                    this.wrong(
+                        span,
+                        format!("the axes `{other}` and `{key}` are the same"),
+                        None,
+                    );
                 }
                 seen.push((key, parameter));
             });
@@ -47,7 +62,11 @@ impl Checker<'_> {
 
     /// The known algorithms of a block, for the check of its axes.
     fn algorithms_of(&self, block: &DeTable<'_>) -> Vec<&'static str> {
-        let replaced = self.axes.iter().find(|axis| axis.key == "algorithm").map(|axis| axis.layer.parse().0);
+        let replaced = self
+            .axes
+            .iter()
+            .find(|axis| axis.key == "algorithm")
+            .map(|axis| axis.layer.parse().0);
         let value = match &replaced {
             Some(source) => source.tree.get_ref().get("algorithm"),
             None => block.get("algorithm"),
@@ -58,7 +77,9 @@ impl Checker<'_> {
             .flatten()
             .filter_map(|name| name.get_ref().as_str())
             .collect();
-        Algorithm::names().filter(|name| names.contains(name)).collect()
+        Algorithm::names()
+            .filter(|name| names.contains(name))
+            .collect()
     }
 
     /// One list of a block.
@@ -67,45 +88,78 @@ impl Checker<'_> {
         if !BLOCK_KEYS.contains(&key) {
             let names = || Parameter::names();
             let had = |name: &&str| {
-                Parameter::find(name)
-                    .is_some_and(|known| algorithms.iter().any(|algorithm| known.applies_to(algorithm)))
+                Parameter::find(name).is_some_and(|known| {
+                    algorithms
+                        .iter()
+                        .any(|algorithm| known.applies_to(algorithm))
+                })
             };
             match &parameter {
                 None => {
-                    let label = self.hint(|| match value.get_ref().as_table().and_then(|table| table.keys().next()) {
-                        Some(inner) => {
-                            Some(format!("write `\"{key}.{}\" = [...]`, with quotation marks", inner.get_ref()))
-                        }
-                        None => {
-                            let names = names();
-                            nearest_label("axis", key, BLOCK_KEYS.into_iter().chain(names.iter().map(String::as_str)))
+                    let label = self.hint(|| {
+                        match value
+                            .get_ref()
+                            .as_table()
+                            .and_then(|table| table.keys().next())
+                        {
+                            Some(inner) => Some(format!(
+                                "write `\"{key}.{}\" = [...]`, with quotation marks",
+                                inner.get_ref()
+                            )),
+                            None => {
+                                let names = names();
+                                nearest_label(
+                                    "axis",
+                                    key,
+                                    BLOCK_KEYS
+                                        .into_iter()
+                                        .chain(names.iter().map(String::as_str)),
+                                )
+                            }
                         }
                     });
                     return self.wrong(span, format!("unknown axis `{key}`"), label);
                 }
                 Some(parameter)
-                    if !algorithms.is_empty() && !algorithms.iter().any(|name| parameter.applies_to(name)) =>
+                    if !algorithms.is_empty()
+                        && !algorithms.iter().any(|name| parameter.applies_to(name)) =>
                 {
                     let label = self.hint(|| {
-                        nearest_label("axis of these algorithms", key, names().iter().map(String::as_str).filter(had))
+                        nearest_label(
+                            "axis of these algorithms",
+                            key,
+                            names().iter().map(String::as_str).filter(had),
+                        )
                     });
-                    let message =
-                        format!("no algorithm of this block has `{key}`: it runs {}", list(algorithms.iter().copied()));
+                    let message = format!(
+                        "no algorithm of this block has `{key}`: it runs {}",
+                        list(algorithms.iter().copied())
+                    );
                     return self.wrong(span, message, label);
                 }
                 Some(_) => {}
             }
         }
         let Some(elements) = value.get_ref().as_array() else {
-            return self.wrong_type(value, &format!("the axis `{key}`"), "a list, such as `[...]` with one value");
+            return self.wrong_type(
+                value,
+                &format!("the axis `{key}`"),
+                "a list, such as `[...]` with one value",
+            );
         };
         if elements.is_empty() {
-            return self.wrong(value.span(), format!("the list of `{key}` is empty, so there is nothing to run"), None);
+            return self.wrong(
+                value.span(),
+                format!("the list of `{key}` is empty, so there is nothing to run"),
+                None,
+            );
         }
         self.elements(key, elements, |this, element| match (key, &parameter) {
             ("seed", _) => this.seed(element),
             ("env", _) => match element.get_ref().as_str() {
-                Some(name) => this.environment(name, element.span()).map(|env| env.to_string()),
+                Some(name) => this
+                    .environment(name, element.span())
+                    .map(|env| env.to_string()),
                 None => {
                     this.wrong_type(element, "an environment", "its name, a string");
                     None
@@ -127,7 +181,8 @@ impl Checker<'_> {
         });
     }
 
-    /// Checks each of `elements` with `check`, which gives what it means, and that none means the same as another.
+    /// Checks each of `elements` with `check`, which gives what it means, and that none means the
+    /// same as another.
     fn elements(
         &mut self,
         key: &str,
@@ -137,9 +192,15 @@ impl Checker<'_> {
         let mut seen = HashSet::new();
         for (index, element) in elements.iter().enumerate() {
             self.within(Step::Index(index), |this| {
-                let Some(meaning) = check(this, element) else { return };
+                let Some(meaning) = check(this, element) else {
+                    return;
+                };
                 if let Some(meaning) = seen.replace(meaning) {
-                    this.wrong(element.span(), format!("`{key}` lists {meaning} twice"), None);
+                    this.wrong(
+                        element.span(),
+                        format!("`{key}` lists {meaning} twice"),
+                        None,
+                    );
                 }
             });
         }
@@ -151,7 +212,11 @@ impl Checker<'_> {
             (Some(toml::Value::Integer(seed)), _) if seed >= 0 => Some(seed.to_string()),
             (_, Some(seed)) => {
                 let message = format!("the seed {} is out of range", seed.as_str());
-                self.wrong(element.span(), message, Some(format!("expected {expected}, that fits in 64 bits")));
+                self.wrong(
+                    element.span(),
+                    message,
+                    Some(format!("expected {expected}, that fits in 64 bits")),
+                );
                 None
             }
             _ => {
@@ -174,13 +239,22 @@ impl Checker<'_> {
             Parameter::Setting(key) => vec![(&catalog.settings, key.as_str())],
             _ => algorithms
                 .iter()
-                .filter_map(|algorithm| Some((catalog.algorithm(algorithm)?, parameter.hyperparameter_of(algorithm)?)))
+                .filter_map(|algorithm| {
+                    Some((
+                        catalog.algorithm(algorithm)?,
+                        parameter.hyperparameter_of(algorithm)?,
+                    ))
+                })
                 .collect(),
         };
         for (section, key) in places {
             let path: Vec<&str> = key.split('.').collect();
             if let Err(refusal) = section.check(&path, element) {
-                self.wrong(refusal.span, format!("`{name}`: {}", refusal.message), refusal.label);
+                self.wrong(
+                    refusal.span,
+                    format!("`{name}`: {}", refusal.message),
+                    refusal.label,
+                );
                 return None;
             }
         }
@@ -188,13 +262,20 @@ impl Checker<'_> {
     }
 }
 
-/// What tells a value from others: 1, 1.0, 0.0 and -0.0 are two values, by themselves as in a list or a table.
+/// What tells a value from others: 1, 1.0, 0.0 and -0.0 are two values, by themselves as in a list
+/// or a table.
 fn meaning(value: &toml::Value) -> String {
     match value {
         toml::Value::Float(number) => (number + 0.0).to_string(),
-        toml::Value::Array(values) => format!("[{}]", values.iter().map(meaning).collect::<Vec<_>>().join(", ")),
+        toml::Value::Array(values) => format!(
+            "[{}]",
+            values.iter().map(meaning).collect::<Vec<_>>().join(", ")
+        ),
         toml::Value::Table(table) => {
-            let fields: Vec<String> = table.iter().map(|(key, value)| format!("{key} = {}", meaning(value))).collect();
+            let fields: Vec<String> = table
+                .iter()
+                .map(|(key, value)| format!("{key} = {}", meaning(value)))
+                .collect();
             format!("{{ {} }}", fields.join(", "))
         }
         other => other.to_string(),

@@ -1,4 +1,5 @@
-//! The check of one layer, key by key: what each value is alone. How they go together is `combinations`'s.
+//! The check of one layer, key by key: what each value is alone. How they go together is
+//! `combinations`'s.
 
 mod claims;
 mod matrix;
@@ -46,14 +47,25 @@ pub(super) struct Checked {
     pub(super) errors: Vec<SpecError>,
 }
 
-/// Checks every value of `source` by itself. `axes` replace lists of its blocks, and are checked in their place.
-/// `robots` are those that the file describes.
+/// Checks every value of `source` by itself. `axes` replace lists of its blocks, and are checked in
+/// their place. `robots` are those that the file describes.
 pub(super) fn check(source: &Source<'_>, axes: &[AxisList], robots: &Robots) -> Checked {
-    let mut checker =
-        Checker { layer: source.layer, axes, robots, errors: Vec::new(), bad: Vec::new(), way: Vec::new() };
+    let mut checker = Checker {
+        layer: source.layer,
+        axes,
+        robots,
+        errors: Vec::new(),
+        bad: Vec::new(),
+        way: Vec::new(),
+    };
     checker.root(source.tree.get_ref());
-    let Checker { errors, mut bad, .. } = checker;
-    let mut table = plain_value(&Spanned::new(source.tree.span(), DeValue::Table(source.tree.get_ref().clone())));
+    let Checker {
+        errors, mut bad, ..
+    } = checker;
+    let mut table = plain_value(&Spanned::new(
+        source.tree.span(),
+        DeValue::Table(source.tree.get_ref().clone()),
+    ));
     // Later elements first, so that the earlier ones keep their index.
     bad.sort_by(|a, b| b.cmp(a));
     bad.dedup();
@@ -116,7 +128,13 @@ impl<'a> Checker<'a> {
             Step::Index(_) => None,
         };
         let about = self.way.iter().filter_map(key).collect();
-        self.errors.push(SpecError { message: message.into(), place, label, help: None, about });
+        self.errors.push(SpecError {
+            message: message.into(),
+            place,
+            label,
+            help: None,
+            about,
+        });
     }
 
     fn wrong_type(&mut self, value: &Value<'_>, what: &str, expected: &str) {
@@ -200,7 +218,12 @@ impl<'a> Checker<'a> {
         }
     }
 
-    fn table(&mut self, value: &Value<'_>, what: &str, check: impl FnOnce(&mut Self, &DeTable<'_>)) {
+    fn table(
+        &mut self,
+        value: &Value<'_>,
+        what: &str,
+        check: impl FnOnce(&mut Self, &DeTable<'_>),
+    ) {
         match value.get_ref().as_table() {
             Some(table) => check(self, table),
             None => self.wrong_type(value, what, "a table"),
@@ -208,14 +231,29 @@ impl<'a> Checker<'a> {
     }
 
     /// A list of tables, `[[key]]`.
-    fn tables(&mut self, value: &Value<'_>, key: &str, check: impl Fn(&mut Self, &DeTable<'_>, Range<usize>)) {
+    fn tables(
+        &mut self,
+        value: &Value<'_>,
+        key: &str,
+        check: impl Fn(&mut Self, &DeTable<'_>, Range<usize>),
+    ) {
         let Some(elements) = value.get_ref().as_array() else {
-            return self.wrong_type(value, &format!("`{key}`"), &format!("blocks, each headed `[[{key}]]`"));
+            return self.wrong_type(
+                value,
+                &format!("`{key}`"),
+                &format!("blocks, each headed `[[{key}]]`"),
+            );
         };
         for (index, element) in elements.iter().enumerate() {
-            self.within(Step::Index(index), |this| match element.get_ref().as_table() {
-                Some(table) => check(this, table, element.span()),
-                None => this.note(element.span(), format!("an element of `{key}` must be a table"), None),
+            self.within(Step::Index(index), |this| {
+                match element.get_ref().as_table() {
+                    Some(table) => check(this, table, element.span()),
+                    None => this.note(
+                        element.span(),
+                        format!("an element of `{key}` must be a table"),
+                        None,
+                    ),
+                }
             });
         }
     }
@@ -226,8 +264,16 @@ impl<'a> Checker<'a> {
         match section.keys(path) {
             None => {
                 if let Err(refusal) = section.check(path, value) {
-                    let about = if refusal.says_all { String::new() } else { format!("`{title}`: ") };
-                    self.wrong(refusal.span, format!("{about}{}", refusal.message), refusal.label);
+                    let about = if refusal.says_all {
+                        String::new()
+                    } else {
+                        format!("`{title}`: ")
+                    };
+                    self.wrong(
+                        refusal.span,
+                        format!("{about}{}", refusal.message),
+                        refusal.label,
+                    );
                 }
             }
             Some(known) => {
@@ -236,10 +282,18 @@ impl<'a> Checker<'a> {
                     for (key, value) in table {
                         this.key(key.get_ref(), |this| {
                             if known.contains(&key.get_ref().as_ref()) {
-                                let path: Vec<&str> = path.iter().copied().chain([key.get_ref().as_ref()]).collect();
+                                let path: Vec<&str> = path
+                                    .iter()
+                                    .copied()
+                                    .chain([key.get_ref().as_ref()])
+                                    .collect();
                                 this.section(section, &path, value);
                             } else {
-                                this.unknown_key(key, &format!(" in `{title}`"), known.iter().copied());
+                                this.unknown_key(
+                                    key,
+                                    &format!(" in `{title}`"),
+                                    known.iter().copied(),
+                                );
                             }
                         });
                     }
@@ -256,33 +310,48 @@ impl<'a> Checker<'a> {
     ) {
         let meant = self.hint(|| nearest(key.get_ref(), known.clone()).map(str::to_owned));
         let label = self.hint(|| nearest_label("key", key.get_ref(), known));
-        self.wrong(key.span(), format!("unknown key `{}`{whose}", key.get_ref()), label);
+        self.wrong(
+            key.span(),
+            format!("unknown key `{}`{whose}", key.get_ref()),
+            label,
+        );
         self.meant(meant);
     }
 
     /// `[algorithms]`, of the file or of an environment.
     fn algorithms(&mut self, table: &DeTable<'_>) {
         for (name, value) in table {
-            self.key(name.get_ref(), |this| match Catalog::get().algorithm(name.get_ref()) {
-                Some(section) => {
-                    this.table(value, &format!("`algorithms.{}`", name.get_ref()), |this, table| {
-                        for (key, value) in table {
-                            this.key(key.get_ref(), |this| {
-                                if section.schema(&[key.get_ref()]).is_some() {
-                                    this.section(section, &[key.get_ref()], value);
-                                } else {
-                                    let whose = format!(" of `{}`", name.get_ref());
-                                    this.unknown_key(
-                                        key,
-                                        &whose,
-                                        section.keys(&[]).into_iter().flatten().collect::<Vec<_>>().into_iter(),
-                                    );
+            self.key(name.get_ref(), |this| {
+                match Catalog::get().algorithm(name.get_ref()) {
+                    Some(section) => {
+                        this.table(
+                            value,
+                            &format!("`algorithms.{}`", name.get_ref()),
+                            |this, table| {
+                                for (key, value) in table {
+                                    this.key(key.get_ref(), |this| {
+                                        if section.schema(&[key.get_ref()]).is_some() {
+                                            this.section(section, &[key.get_ref()], value);
+                                        } else {
+                                            let whose = format!(" of `{}`", name.get_ref());
+                                            this.unknown_key(
+                                                key,
+                                                &whose,
+                                                section
+                                                    .keys(&[])
+                                                    .into_iter()
+                                                    .flatten()
+                                                    .collect::<Vec<_>>()
+                                                    .into_iter(),
+                                            );
+                                        }
+                                    });
                                 }
-                            });
-                        }
-                    });
+                            },
+                        );
+                    }
+                    None => this.unknown_algorithm(name.get_ref(), name.span()),
                 }
-                None => this.unknown_algorithm(name.get_ref(), name.span()),
             });
         }
     }
@@ -316,27 +385,37 @@ impl<'a> Checker<'a> {
                     return;
                 }
                 if env.is_some_and(|env| seen.contains(&env)) {
-                    this.wrong(name.span(), format!("{name_text} has two tables, under two of its names"), None);
+                    this.wrong(
+                        name.span(),
+                        format!("{name_text} has two tables, under two of its names"),
+                        None,
+                    );
                 }
                 seen.extend(env);
                 let name = env.map_or(name_text, |env| env.name());
-                this.table(value, &format!("`environments.\"{name}\"`"), |this, table| {
-                    this.of_environment(name, table)
-                });
+                this.table(
+                    value,
+                    &format!("`environments.\"{name}\"`"),
+                    |this, table| this.of_environment(name, table),
+                );
             });
         }
     }
 
     /// The table of the environment called `name`: settings, and a robot's own keys.
     fn of_environment(&mut self, name: &str, table: &DeTable<'_>) {
-        let Catalog { settings, robot, .. } = Catalog::get();
+        let Catalog {
+            settings, robot, ..
+        } = Catalog::get();
         let is_robot = self.robots.has(name);
         for (key, value) in table {
             let text = key.get_ref().as_ref();
             self.key(text, |this| match text {
                 "algorithms" => this.table(value, "`algorithms`", Self::algorithms),
                 _ if settings.schema(&[text]).is_some() => this.section(settings, &[text], value),
-                _ if is_robot && robot.schema(&[text]).is_some() => this.section(robot, &[text], value),
+                _ if is_robot && robot.schema(&[text]).is_some() => {
+                    this.section(robot, &[text], value)
+                }
                 _ if is_robots_alone(text) => {
                     let label = "a robot of your own needs a name of its own".to_owned();
                     this.wrong(
@@ -347,7 +426,12 @@ impl<'a> Checker<'a> {
                 }
                 _ => {
                     let robots = robot.keys(&[]).into_iter().flatten().filter(|_| is_robot);
-                    let known = settings.keys(&[]).into_iter().flatten().chain(["algorithms"]).chain(robots);
+                    let known = settings
+                        .keys(&[])
+                        .into_iter()
+                        .flatten()
+                        .chain(["algorithms"])
+                        .chain(robots);
                     let known: Vec<&str> = known.collect();
                     this.unknown_key(key, &format!(" of {name}"), known.into_iter());
                 }

@@ -12,11 +12,18 @@ use crate::spec::{catalog::Section, source::Step};
 
 impl Checker<'_> {
     /// `[[figures]]` or `[[tables]]`.
-    pub(super) fn figures_or_tables(&mut self, value: &Value<'_>, key: &str, what: &str, section: &Section) {
+    pub(super) fn figures_or_tables(
+        &mut self,
+        value: &Value<'_>,
+        key: &str,
+        what: &str,
+        section: &Section,
+    ) {
         self.shown_tables(value, key, what, section, Self::shown);
     }
 
-    /// A list of tables of one type with names of their own; `check` looks at a value that has the right type.
+    /// A list of tables of one type with names of their own; `check` looks at a value that has the
+    /// right type.
     pub(super) fn shown_tables(
         &mut self,
         value: &Value<'_>,
@@ -27,7 +34,11 @@ impl Checker<'_> {
     ) {
         self.tables(value, key, |this, table, span| {
             for required in section.required().filter(|key| !table.contains_key(*key)) {
-                this.note(span.clone(), format!("this {what} has no `{required}`"), None);
+                this.note(
+                    span.clone(),
+                    format!("this {what} has no `{required}`"),
+                    None,
+                );
             }
             for (key, value) in table {
                 let text = key.get_ref().as_ref();
@@ -44,15 +55,24 @@ impl Checker<'_> {
                 });
             }
         });
-        let names = value.get_ref().as_array().into_iter().flatten().filter_map(|table| table.get_ref().get("name"));
+        let names = value
+            .get_ref()
+            .as_array()
+            .into_iter()
+            .flatten()
+            .filter_map(|table| table.get_ref().get("name"));
         let mut seen = HashSet::new();
         for name in names {
             let text = name.get_ref().as_str().unwrap_or_default();
             // Some file systems do not tell small letters from capitals.
             let file = text.to_ascii_lowercase();
             let of_statistics = key != "claims" && file.starts_with("statistics");
-            let of_tables =
-                || file == "claims" || ["-curves", "-float", "-seeds"].iter().any(|end| file.ends_with(end));
+            let of_tables = || {
+                file == "claims"
+                    || ["-curves", "-float", "-seeds"]
+                        .iter()
+                        .any(|end| file.ends_with(end))
+            };
             if key != "claims" && file == "readme"
                 || of_statistics
                 || ["tables", "settings"].contains(&key) && of_tables()
@@ -65,17 +85,31 @@ impl Checker<'_> {
         }
     }
 
-    /// Tables of returns and of settings are written to files of the same kinds, so that none may have the other's name.
+    /// Tables of returns and of settings are written to files of the same kinds, so that none may
+    /// have the other's name.
     pub(super) fn different_files(&mut self, root: &DeTable<'_>) {
         let names = |key: &str| {
-            let tables = root.get(key).and_then(|value| value.get_ref().as_array()).into_iter().flatten();
+            let tables = root
+                .get(key)
+                .and_then(|value| value.get_ref().as_array())
+                .into_iter()
+                .flatten();
             let names = tables.filter_map(|table| table.get_ref().get("name"));
-            names.filter_map(|name| Some((name.span(), name.get_ref().as_str()?.to_owned()))).collect::<Vec<_>>()
+            names
+                .filter_map(|name| Some((name.span(), name.get_ref().as_str()?.to_owned())))
+                .collect::<Vec<_>>()
         };
-        let tables: HashSet<String> = names("tables").into_iter().map(|(_, name)| name.to_ascii_lowercase()).collect();
+        let tables: HashSet<String> = names("tables")
+            .into_iter()
+            .map(|(_, name)| name.to_ascii_lowercase())
+            .collect();
         for (span, name) in names("settings") {
             if tables.contains(&name.to_ascii_lowercase()) {
-                self.note(span, format!("a table of returns is also called `{name}`"), None);
+                self.note(
+                    span,
+                    format!("a table of returns is also called `{name}`"),
+                    None,
+                );
             }
         }
     }
@@ -87,7 +121,8 @@ impl Checker<'_> {
         }
     }
 
-    /// The value at `key` of `section`; of a list each element by itself, so that each mistake is found.
+    /// The value at `key` of `section`; of a list each element by itself, so that each mistake is
+    /// found.
     fn each(&mut self, section: &Section, key: &str, value: &Value<'_>) {
         match value.get_ref().as_array() {
             Some(elements) if !elements.is_empty() && section.takes_lists(key) => {
@@ -95,7 +130,9 @@ impl Checker<'_> {
                     let mut alone = DeArray::new();
                     alone.push(element.clone());
                     let alone = Spanned::new(element.span(), DeValue::Array(alone));
-                    self.within(Step::Index(index), |this| this.section(section, &[key], &alone));
+                    self.within(Step::Index(index), |this| {
+                        this.section(section, &[key], &alone)
+                    });
                 }
             }
             _ => self.section(section, &[key], value),
@@ -119,16 +156,26 @@ mod tests {
 
     #[test]
     fn how_a_figure_is_drawn_is_checked_where_it_is_written() {
-        let figure =
-            |more: &str| errors(&format!("[[figures]]\nname = 'f'\ntitle = ''\ny = 'mmd'\nseries = []\n{more}"));
-        for good in
-            ["panels = 'd'", "panels = ['epsilon=0', 'd=1e-3']", "width = 'full'", "width = 6", "band = 'seeds'"]
-        {
+        let figure = |more: &str| {
+            errors(&format!(
+                "[[figures]]\nname = 'f'\ntitle = ''\ny = 'mmd'\nseries = []\n{more}"
+            ))
+        };
+        for good in [
+            "panels = 'd'",
+            "panels = ['epsilon=0', 'd=1e-3']",
+            "width = 'full'",
+            "width = 6",
+            "band = 'seeds'",
+        ] {
             assert_eq!(figure(good), "", "{good}");
         }
         for (bad, told) in [
             ("panels = 'tolerance'", "unknown axis `tolerance`"),
-            ("panels = ['epsilon']", "`epsilon` is not of the form KEY=VALUE or KEY!=VALUE"),
+            (
+                "panels = ['epsilon']",
+                "`epsilon` is not of the form KEY=VALUE or KEY!=VALUE",
+            ),
             ("panels = []", "at least one panel"),
             ("width = 'page'", "unknown width `page`"),
             ("width = 0.1", "0.1 is out of range"),
@@ -142,23 +189,42 @@ mod tests {
 
     #[test]
     fn tables_of_settings_show_what_there_is_and_have_files_of_their_own() {
-        let settings = |more: &str| errors(&format!("[[settings]]\nname = 't'\ntitle = ''\n{more}"));
-        assert_eq!(settings("show = ['d', 'max_steps', 'actions']\nrows = ['env']"), "");
+        let settings =
+            |more: &str| errors(&format!("[[settings]]\nname = 't'\ntitle = ''\n{more}"));
+        assert_eq!(
+            settings("show = ['d', 'max_steps', 'actions']\nrows = ['env']"),
+            ""
+        );
         assert!(settings("show = ['tolerance']").contains("unknown parameter `tolerance`"));
-        let table = "show = []\n[[tables]]\nname = 't'\ntitle = ''\nrows = ['env']\ncolumns = 'algorithm'";
-        assert!(settings(table).contains("a table of returns is also called `t`"), "{}", settings(table));
+        let table =
+            "show = []\n[[tables]]\nname = 't'\ntitle = ''\nrows = ['env']\ncolumns = 'algorithm'";
+        assert!(
+            settings(table).contains("a table of returns is also called `t`"),
+            "{}",
+            settings(table)
+        );
         let floats = errors("[[settings]]\nname = 't-float'\ntitle = ''\nshow = []");
-        assert!(floats.contains("`t-float` is the name of one of the report's own files"), "{floats}");
+        assert!(
+            floats.contains("`t-float` is the name of one of the report's own files"),
+            "{floats}"
+        );
     }
 
     #[test]
     fn each_wrong_element_of_a_list_is_told_and_the_others_stand() {
         let series = |list: &str| {
-            let found = errors(&format!("[[figures]]\nname = 'f'\ntitle = ''\ny = 'mmd'\nseries = {list}\n"));
+            let found = errors(&format!(
+                "[[figures]]\nname = 'f'\ntitle = ''\ny = 'mmd'\nseries = {list}\n"
+            ));
             found.matches("unknown axis").count()
         };
         assert_eq!(
-            [series("['epsilom', 'd', 'seeed']"), series("['seeed']"), series("['d']"), series("[]")],
+            [
+                series("['epsilom', 'd', 'seeed']"),
+                series("['seeed']"),
+                series("['d']"),
+                series("[]")
+            ],
             [2, 1, 0, 0]
         );
     }

@@ -38,21 +38,33 @@ pub struct Script {
 
 impl Script {
     fn exit(&mut self, number: usize, event: Option<Event>, how: &str) {
-        self.told.extend(event.map(|event| (number, Message::Event(event))));
+        self.told
+            .extend(event.map(|event| (number, Message::Event(event))));
         self.told.push_back((number, exited(how)));
     }
 }
 
 impl Executor for Script {
     fn start(&mut self, number: usize, job: &Job) -> io::Result<()> {
-        assert!(job.stamp.fingerprint.ends_with(&number.to_string()), "another run's job");
+        assert!(
+            job.stamp.fingerprint.ends_with(&number.to_string()),
+            "another run's job"
+        );
         self.started.push(number);
         self.threads.push(job.threads);
         self.running.push(number);
         self.most = self.most.max(self.running.len());
         let life = self.lives.get_mut(&number).and_then(VecDeque::pop_front);
-        self.told.extend(life.unwrap_or_else(|| finishes(5.0)).into_iter().map(|message| (number, message)));
-        if let Some((_, stop)) = self.stop_at.as_ref().filter(|(count, _)| *count == self.started.len()) {
+        self.told.extend(
+            life.unwrap_or_else(|| finishes(5.0))
+                .into_iter()
+                .map(|message| (number, message)),
+        );
+        if let Some((_, stop)) = self
+            .stop_at
+            .as_ref()
+            .filter(|(count, _)| *count == self.started.len())
+        {
             stop.make();
         }
         Ok(())
@@ -64,7 +76,9 @@ impl Executor for Script {
         std::thread::sleep(self.stands_still.take().unwrap_or_default());
         let message = self.told.pop_front();
         match &message {
-            Some((number, Message::Exited { .. })) => self.running.retain(|running| running != number),
+            Some((number, Message::Exited { .. })) => {
+                self.running.retain(|running| running != number)
+            }
             Some(_) => {}
             None => std::thread::sleep(timeout.min(Duration::from_millis(5))),
         }
@@ -74,7 +88,11 @@ impl Executor for Script {
     fn stop(&mut self, number: usize) {
         self.stopped.push(number);
         self.told.retain(|(other, _)| *other != number);
-        self.exit(number, (!self.abrupt).then_some(Event::Stopped), "exit code 130");
+        self.exit(
+            number,
+            (!self.abrupt).then_some(Event::Stopped),
+            "exit code 130",
+        );
     }
 
     fn kill(&mut self, number: usize) {
@@ -84,7 +102,10 @@ impl Executor for Script {
 }
 
 pub fn exited(how: &str) -> Message {
-    Message::Exited { how: how.to_owned(), stderr: vec!["said".to_owned()] }
+    Message::Exited {
+        how: how.to_owned(),
+        stderr: vec!["said".to_owned()],
+    }
 }
 
 pub fn began() -> Message {
@@ -92,8 +113,17 @@ pub fn began() -> Message {
 }
 
 pub fn finishes(dense_return: f64) -> Life {
-    let evaluation = Event::Evaluation { env_steps: 1024, dense_return, last: true };
-    vec![began(), Message::Event(evaluation), Message::Event(Event::Finished), exited("exit code 0")]
+    let evaluation = Event::Evaluation {
+        env_steps: 1024,
+        dense_return,
+        last: true,
+    };
+    vec![
+        began(),
+        Message::Event(evaluation),
+        Message::Event(Event::Finished),
+        exited("exit code 0"),
+    ]
 }
 
 pub fn crashes() -> Life {
