@@ -52,8 +52,8 @@ pub fn group<'a>(runs: &[&'a Run], keys: &[Key]) -> Vec<Group<'a>> {
     groups
 }
 
-/// Whether `key` has several defaults among `runs`, and every run that has one of these values has
-/// it as its default.
+/// Whether `key` has several defaults among `runs` besides values that were chosen, none of which
+/// is a default itself.
 fn default_goes_by_environment(runs: &[&Run], key: &Key) -> bool {
     let (chosen, defaults): (Vec<&Run>, Vec<&Run>) =
         runs.iter().copied().partition(|run| run.departs_in(key));

@@ -51,7 +51,7 @@ pub struct Cell {
     pub best: Option<Best>,
     /// The paper's value.
     pub paper: Option<PaperValue>,
-    /// The parameters that are not the paper's, which keep its value away.
+    /// The parameters that differ from the paper's, because of which its value is not shown here.
     pub departures: BTreeSet<String>,
     /// Ours less the paper's, where they can be compared.
     pub comparison: Option<Comparison>,

@@ -24,7 +24,7 @@ pub const CONFIDENCE: f64 = 0.95;
 /// One figure.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct CurveData {
-    /// Above the panels.
+    /// The title above the panels.
     pub title: String,
     /// The quantity on the x axis.
     pub across: Across,

@@ -3,9 +3,9 @@
 //! Owns which runs share a row, a column and a cell; what a cell says of them is [`Cell`]'s. Knows
 //! nothing of Markdown or LaTeX. Start at [`TableData::of_report`].
 //!
-//! The paper's value stands beside runs of the paper's setting alone: `paper_value` says which
-//! those are. How both are compared is the module `verdict`'s. With fewer than three finished
-//! seeds, or fewer steps than [`reference::assumed_budget`], they are not.
+//! The paper's value stands only beside runs with the paper's setting: `paper_value` says which
+//! those are. The module `verdict` compares the two, unless there are fewer than three finished
+//! seeds, or fewer steps than [`reference::assumed_budget`].
 
 use std::collections::HashMap;
 
@@ -21,13 +21,14 @@ use crate::spec::{Key, Table};
 /// One table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TableData {
-    /// Above the table.
+    /// The title above the table.
     pub title: String,
-    /// What the rows are told apart by, as the file names it.
+    /// The keys that distinguish rows, as the file names them.
     pub row_keys: Vec<Key>,
-    /// What the columns are told apart by: first what was asked for, then what else varies.
+    /// The keys that distinguish columns: first those that were asked for, then whatever else
+    /// varies.
     pub column_keys: Vec<Key>,
-    /// One a column.
+    /// One label per column.
     pub columns: Vec<Label>,
     /// The rows, in the plan's order.
     pub rows: Vec<Row>,
@@ -37,7 +38,7 @@ pub struct TableData {
 
 impl TableData {
     /// All tables of a report, each with the runs that its `only` selects, in the plan's order.
-    /// Their verdicts allow for each other.
+    /// Their verdicts are corrected for the number of all cells.
     pub fn of_report(tables: &[(&Table, Vec<&Run>)]) -> Vec<Self> {
         let mut made: Vec<Self> = tables
             .iter()

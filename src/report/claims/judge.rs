@@ -24,7 +24,7 @@ pub struct Part {
     pub of: Vec<f64>,
     /// The numbers that they are compared with; `None` for a level.
     pub than: Option<Vec<f64>>,
-    /// The level that they are compared with, where there is no `than`.
+    /// The level that they are compared with where `than` is `None`.
     pub level: f64,
     /// The number of failed runs of either side.
     pub failed: (usize, usize),

@@ -47,7 +47,8 @@ pub struct ClaimRow {
     pub setting: String,
     /// The difference, or the share for `kept`, with its 95 % interval.
     pub difference: Option<Interval>,
-    /// The value that the difference is compared with: 0, or the margin, in the difference's unit.
+    /// The value that the difference is compared with: 0, or the margin in the unit of
+    /// `difference`.
     pub limit: f64,
     /// The share of pairs of seeds in which the claim's subject is above the other side; ties count
     /// half.

@@ -93,7 +93,7 @@ impl Picture {
     }
 }
 
-/// The opacity of a shape in percent; `None` where it is opaque or has none.
+/// The opacity of a filled area in percent; `None` for lines and text.
 fn opacity(shape: &Shape) -> Option<u32> {
     match shape {
         Shape::Area { opacity, .. } => Some((opacity * 100.0).round() as u32),
