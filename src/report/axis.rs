@@ -177,8 +177,8 @@ pub fn parameter_label(parameter: &Parameter) -> String {
     }
 }
 
-/// What the runs of `selection` share, in words: `ε = 0`, `MCPO or PPO, d = 10⁻³`, `not PPO, d ≠
-/// 10⁻³`.
+/// The common traits of the runs of `selection`, in words: `ε = 0`, `MCPO or PPO, d = 10⁻³`, `not
+/// PPO, d ≠ 10⁻³`.
 pub fn selection_label(selection: &Selection) -> String {
     let part = |(key, values): &(Key, Vec<toml::Value>), not: &str, sign: &str| {
         let notation = Notation::of(values);

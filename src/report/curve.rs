@@ -311,8 +311,8 @@ impl Curve {
         }
     }
 
-    /// What the curve still lacks in seeds or steps, as `3 of 5 seeds, to 400k of 1M steps`; `None`
-    /// where it is whole.
+    /// The seeds and steps that the curve still lacks, as `3 of 5 seeds, to 400k of 1M steps`;
+    /// `None` where it is whole.
     pub fn lacking(&self) -> Option<String> {
         let seeds = (self.seeds < self.planned)
             .then(|| format!("{} of {} seeds", self.seeds, self.planned));

@@ -14,7 +14,7 @@ const LONGEST: usize = 100;
 /// The options that a report was requested with, as they were typed.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Scope {
-    /// `--only`: the runs that count.
+    /// `--only`: the selection of runs.
     pub only: Vec<String>,
     /// `--axis`: lists in place of the file's.
     pub axis: Vec<String>,

@@ -9,7 +9,7 @@ use crate::{
     quantity::NonNegative,
 };
 
-/// Which file, in which environment.
+/// The arguments of `demo verify`.
 #[derive(Debug, clap::Args)]
 pub struct VerifyArguments {
     /// The demonstration (*.parquet, with poses)
@@ -31,7 +31,7 @@ fn tolerance(text: &str) -> Result<NonNegative, String> {
     NonNegative::try_from(number).map_err(|error| error.to_string())
 }
 
-/// ` in episode 2, step 17`, or nothing.
+/// The place of a deviation, as ` in episode 2, step 17`; empty where there is none.
 fn place(at: Option<At>) -> String {
     at.map_or_else(String::new, |At { episode, step, .. }| {
         format!(" in episode {episode}, step {step}")

@@ -13,7 +13,7 @@ use crate::{
 
 /// Notes on the curves: their seeds and bands, and what is lacking.
 pub struct Notes {
-    /// What the curves and bands mean, for the caption.
+    /// The meaning of curves and bands, for the caption.
     pub means: String,
     /// The seeds and steps that are lacking, which the figure itself must say; empty where none
     /// are.
