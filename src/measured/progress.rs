@@ -1,4 +1,4 @@
-//! `progress.parquet`: one row an iteration.
+//! `progress.parquet`: one row per iteration.
 
 use serde::{Deserialize, Serialize};
 

@@ -31,7 +31,7 @@ pub struct Row {
     /// The return of the paper's demonstration, where the table is compared with one of the
     /// paper's.
     pub paper_demo: Option<f64>,
-    /// One a column; `None` where the matrix has no such run.
+    /// One per column; `None` where the matrix has no such run.
     pub cells: Vec<Option<Cell>>,
 }
 

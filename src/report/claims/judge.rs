@@ -45,7 +45,7 @@ pub struct Judged {
     pub itself: f64,
 }
 
-/// Judges `claim` by `parts`, one an environment; `None` where one has too few numbers.
+/// Judges `claim` by `parts`, one per environment; `None` where one has too few numbers.
 pub fn judge(claim: &Claim, parts: &[Part]) -> Option<Judged> {
     let in_units = |part: &Part| match (claim.environments, part.scale) {
         (Environments::Each, Some(scale)) => (1.0, scale.distance),
