@@ -169,6 +169,7 @@ fn study(env: &str) -> Result<Vec<Case>, Box<dyn Error>> {
     let mut before: Option<[Vec<f32>; 2]> = None;
     for iteration in 1..=ITERATIONS[ITERATIONS.len() - 1] {
         let batch = rollout.collect(mcpo.agent_mut(), steps)?.batch;
+        // The iteration before each measured one is solved too: a warm start continues from it.
         let wanted = |i: &usize| *i == iteration || *i == iteration + 1;
         if ITERATIONS.iter().any(wanted) {
             let gradients = gradients(mcpo.agent(), &batch, &mut mimicry, &h)?;

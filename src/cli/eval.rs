@@ -77,6 +77,7 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<ExitCode> {
             path.display()
         )
     })?;
+    // The limit comes from the policy's file, which may name any number.
     if spec.max_steps > LONGEST {
         bail!(
             "{} comes from a run whose episodes last {} steps; at most {LONGEST} are played",

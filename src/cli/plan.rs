@@ -45,6 +45,7 @@ pub fn show(
         .iter()
         .map(Planned::state)
         .collect::<Result<Vec<_>, _>>()?;
+    // Finished runs tell how long the others will take.
     let mut costs = CostModel::default();
     for (run, state) in planned.iter().zip(&states) {
         if let RunState::Finished(manifest)

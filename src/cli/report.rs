@@ -73,10 +73,12 @@ pub fn run(arguments: &ReportArguments) -> anyhow::Result<ExitCode> {
         set: set.clone(),
     };
     let experiments = arguments.chosen.load()?;
+    // A format that is asked for twice is written once.
     let formats: BTreeSet<Format> = arguments.export.iter().copied().collect();
     let formats: Vec<Format> = formats.into_iter().collect();
     let mut shown = Shown::Whole;
     let is_contradicted = loop {
+        // Looking before the report is made ensures that later records lead to another report.
         let seen = arguments.watch.map(|_| recorded(&experiments, results));
         let told = match told(&experiments, results, &scope, shown) {
             // With `--watch`, something may be recorded later.
@@ -163,6 +165,8 @@ fn told(
         let name = &experiment.name;
         let written = match report::write(experiment, results, scope) {
             Err(error @ (ReportError::NothingRecorded { .. } | ReportError::NoneMatch { .. })) => {
+                // Records may still appear, but a selection that matches no run will never match
+                // any.
                 all.open += usize::from(matches!(error, ReportError::NothingRecorded { .. }));
                 without.push(error.to_string());
                 continue;

@@ -67,6 +67,7 @@ pub fn run(arguments: &ReproduceArguments) -> anyhow::Result<ExitCode> {
     let [run] = &planned[..] else {
         unreachable!("one specification is one run")
     };
+    // The demonstration's file may have changed since the run was recorded.
     let differences = run.differences(&stamp);
     if !differences.is_empty() {
         let file = run
@@ -85,6 +86,7 @@ pub fn run(arguments: &ReproduceArguments) -> anyhow::Result<ExitCode> {
     if summary.interrupted {
         return Ok(ExitCode::from(INTERRUPTED));
     }
+    // A file that lies alone has no manifest, only its stamp.
     let whole = manifest.unwrap_or_else(|| Manifest::new(stamp));
     let (exactness, how) = match inexact(&whole, &run.stamp) {
         None => (Exactness::Bits, "to the bit".to_owned()),

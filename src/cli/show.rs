@@ -98,6 +98,7 @@ fn quoted(word: &str) -> String {
 
 fn render(path: &Path, stamp: &Stamp, manifest: Option<&Manifest>) -> anyhow::Result<String> {
     let mut rows = vec![("file", path.display().to_string())];
+    // Keys are looked up one by one, since the specification may be of another version.
     for key in ["experiment", "id", "env"] {
         if let Some(value) = stamp.spec.get(key).and_then(serde_json::Value::as_str) {
             rows.push((key, value.to_owned()));

@@ -159,6 +159,7 @@ impl Survey {
                 place.map_or((None, String::new()), |place| placed(state, place));
             let word = other_word.unwrap_or(word(state));
             *survey.counts.entry(word).or_default() += 1;
+            // A run recorded under another specification is refused, so it is no work.
             if !matches!(state, RunState::Finished(_) | RunState::Differs { .. }) {
                 survey.left += seconds_of(run, state, &costs);
             }

@@ -89,6 +89,7 @@ pub fn run(arguments: &SubmitArguments) -> anyhow::Result<ExitCode> {
     let files = chosen.load_files()?;
     let specs: Vec<ExperimentSpec> = files.iter().map(|(_, spec)| spec.clone()).collect();
     let planned = chosen.planned(&specs)?;
+    // A dry run must not set anything aside, as `prepare` may.
     let states = match arguments.dry_run {
         true => planned
             .iter()
@@ -154,6 +155,7 @@ impl Experiment<'_> {
         let mut due: Vec<(&Planned, &RunState)> = open.copied().collect();
         let plans: Vec<&Planned> = due.iter().map(|(run, _)| *run).collect();
         let places = places(self.results, name, &plans)?;
+        // Runs that the cluster already has must not be submitted twice.
         due.retain(|(run, _)| {
             !places
                 .get(&run.spec.id)
@@ -298,6 +300,8 @@ impl Experiment<'_> {
     ) -> anyhow::Result<()> {
         let (name, arguments) = (&self.spec.name, self.arguments);
         let folder = self.make_folder()?;
+        // The program and the plan are frozen first, since elements may start as soon as they are
+        // sent.
         let program = program::frozen(self.results)?;
         Submission::new(
             name,
@@ -323,6 +327,8 @@ impl Experiment<'_> {
                         elements.len()
                     )
                 })?;
+            // Each array is noted as soon as it is sent, so that the same command can send the rest
+            // after a failure.
             Asked::Array {
                 job: job.clone(),
                 first: chunk.first,

@@ -112,6 +112,7 @@ pub fn run(arguments: &VerifyArguments) -> anyhow::Result<ExitCode> {
         }
     }
     let differ = lines.len();
+    // With `--only`, records of other runs are expected.
     if arguments.only.is_empty() {
         let known: BTreeSet<&str> = planned.iter().map(|run| run.spec.id.as_str()).collect();
         let more = recorded_ids(&against.join("runs"), "")?;
@@ -178,6 +179,7 @@ fn difference(
         }
         (before, now) => return Ok(Some(format!("recorded as {before:?}, now {now:?}"))),
     }
+    // The record's own files are checked first, so that damage is not reported as a difference.
     before.check_tables(recorded)?;
     let exactness = match inexact(&before, &now.stamp) {
         None => Exactness::Bits,

@@ -122,6 +122,7 @@ impl Cell {
             )),
             Some(_) => None,
         };
+        // Failed runs count a second time, at the random policy's return.
         let failed = runs
             .iter()
             .filter(|run| matches!(run.state, State::Failed { .. }))

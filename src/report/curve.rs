@@ -166,6 +166,8 @@ impl CurveData {
             .cloned()
             .collect();
         let panels = panels(&figure.panels, runs);
+        // Runs that differ in more than their seed are never averaged, so other axes become keys
+        // too.
         for (_, inside) in &panels {
             keys.extend(axis::hidden_axes(
                 inside,
@@ -176,6 +178,7 @@ impl CurveData {
         if keys.is_empty() {
             keys.push(Key::Algorithm); // a curve alone has a name too
         }
+        // The groups span all panels, so that a curve has the same index in each.
         let series = axis::group(runs, &keys);
         let panels = panels.into_iter().map(|(title, runs)| {
             let inside: BTreeSet<&str> = runs.iter().map(|run| run.spec.id.as_str()).collect();

@@ -56,6 +56,7 @@ pub fn of_table(runs: &[&Run], rows: &[Row]) -> Vec<String> {
              have none beside them: {list}."
         ));
     }
+    // A table of one column is a list, which has no column for demonstrations.
     let in_a_column = |row: &Row| row.cells.len() > 1 && row.demo.or(row.paper_demo).is_some();
     if rows.iter().any(in_a_column) {
         notes.push(

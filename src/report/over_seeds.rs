@@ -341,6 +341,7 @@ fn values(recording: &Recording, y: Measure, bins: Bins, end: u64) -> Vec<(u64, 
         return rows.filter(|&(steps, _)| steps <= end).collect();
     }
     let mut binned: BTreeMap<u64, Vec<f64>> = BTreeMap::new();
+    // Bins include their upper end, so that the last step of a budget does not open another bin.
     for (steps, value) in rows {
         binned
             .entry(steps.saturating_sub(1) / bins.width)

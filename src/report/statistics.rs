@@ -85,6 +85,7 @@ impl StatisticsData {
     /// The summaries of `runs`; `None` where fewer than two environments have a finished run of
     /// every method that has any.
     pub fn new(runs: &[Run], identities: &Identities) -> Option<Self> {
+        // Scores need the paper's Random and Expert, so other environments do not count.
         let known: Vec<&Run> = runs
             .iter()
             .filter(|run| reference::scale(run.spec.env.name()).is_some())
@@ -257,6 +258,7 @@ fn profile(found: &[Found<'_>], keys: &[Key]) -> CurveData {
             .flat_map(|(_, _, scores, _)| scores.values().flatten())
     };
     let quarter = |end: f64| (4.0 * end).round() / 4.0;
+    // A few extreme scores must not stretch the axis, so it ends at -1 and 2 at the latest.
     let low = quarter((4.0 * all().copied().fold(0.0, f64::min)).floor() / 4.0).max(-1.0);
     let high = quarter((4.0 * all().copied().fold(1.0, f64::max)).ceil() / 4.0).min(2.0);
     let threshold = |index: usize| low + (high - low) * index as f64 / (THRESHOLDS - 1) as f64;

@@ -60,6 +60,8 @@ impl TableData {
     fn without_verdicts(table: &Table, runs: &[&Run]) -> Self {
         let mut column_keys = vec![table.columns.clone()];
         let known: Vec<Key> = table.rows.iter().chain(&column_keys).cloned().collect();
+        // Runs that differ in another axis must not share a cell: an environment becomes a key of
+        // rows, any other axis a key of columns.
         let (env, others): (Vec<_>, Vec<_>) = axis::hidden_axes(runs, &known)
             .into_iter()
             .partition(|key| *key == Key::Env);
@@ -78,6 +80,7 @@ impl TableData {
             .collect();
         let groups = axis::group(runs, &row_keys);
         let labels = axis::value_labels(&groups);
+        // A row that spans environments has no single demonstration.
         let one_env = row_keys.contains(&Key::Env);
         let rows = groups.iter().zip(labels).map(|(row, labels)| {
             let mut cells: Vec<Vec<&Run>> = vec![Vec::new(); columns.len()];

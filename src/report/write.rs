@@ -56,6 +56,7 @@ pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Wri
     let (home, whole, plan) = planned(spec, results, scope)?;
     let identities = identities(&whole);
     let figures = figures(spec);
+    // Only the columns of progress that are drawn or judged are read.
     let drawn = figures.iter().filter_map(|figure| figure.y.measure());
     let of_claims = spec.claims.iter().flat_map(claims::measure::columns);
     let columns: Vec<_> = drawn.flat_map(curve::columns).chain(of_claims).collect();
@@ -129,6 +130,7 @@ pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Wri
     let (name, description) = (&spec.name, escape::markdown(&spec.description));
     let page = format!("# {name}\n\n{description}\n\n{first}\n\n{lines}{body}");
     files.write("README", "md", page.as_bytes())?;
+    // Files of an earlier report are removed only after all of this one are written.
     files.close()?;
     let open = count
         - runs

@@ -227,6 +227,7 @@ impl Campaign<'_> {
                 self.running.insert(number, worker);
             }
             Err(error) if is_exhaustion(&error) && !self.running.is_empty() => {
+                // Running jobs will free what is missing, so the run waits instead of failing.
                 self.options.jobs = self.running.len();
                 self.queue.push_front(number);
                 let jobs = self.options.jobs;

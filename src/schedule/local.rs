@@ -127,6 +127,7 @@ impl Executor for LocalProcesses {
         let mut line = serde_json::to_vec(job)?;
         line.push(b'\n');
         let mut command = Command::new(&self.program);
+        // A program started through /proc would otherwise be called `exe` in lists of processes.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::arg0(&mut command, env!("CARGO_PKG_NAME"));
         let mut child = command
@@ -148,6 +149,7 @@ impl Executor for LocalProcesses {
         let stderr = match listen() {
             Ok(stderr) => stderr,
             Err(error) => {
+                // A process that nobody listens to would block once its pipes are full.
                 child.kill().and_then(|()| child.wait())?;
                 return Err(error);
             }

@@ -85,6 +85,7 @@ pub fn plan(specs: Vec<RunSpec>, results: &Path) -> Result<Vec<Planned>, Problem
         let Some(path) = &spec.demonstration else {
             continue;
         };
+        // Each demonstration is read once and reported once, however many runs learn from it.
         demonstrations
             .entry((path.clone(), spec.env))
             .or_insert_with(|| match demonstration(path, spec.env) {
@@ -206,6 +207,7 @@ pub fn prepare(
         }),
         _ => {} // a file system that does not tell is no reason to refuse
     }
+    // Nothing is set aside unless everything can start.
     if !problems.is_empty() {
         return Err(Problems(problems));
     }
@@ -217,6 +219,7 @@ pub fn prepare(
             set_aside(run).map_err(|problem| Problems(vec![problem]))?;
             *state = RunState::ToDo;
         }
+        // A claimed run is settled by the process that holds it.
         if run.paths.is_unsettled()
             && let Ok(Some(_claim)) = Claim::take(&run.paths)
         {

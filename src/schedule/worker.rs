@@ -106,6 +106,7 @@ fn work() -> Result<Event, WorkerError> {
             }
         }
     }
+    // The demonstration's file may have changed since the run was planned.
     if let Some((path, digest)) = run
         .spec
         .demonstration
@@ -122,6 +123,7 @@ fn work() -> Result<Event, WorkerError> {
     let manifest = match Manifest::read(&RunPaths::manifest(&run.paths.partial))?.or(ended) {
         Some(found) => {
             refuse_another(&run.paths.partial, &found, &run.stamp)?;
+            // A run without a checkpoint starts again, and is evaluated as is asked for now.
             if recorded.env_steps() > 0 {
                 run.keep_evaluating_as(&found.stamp);
             }

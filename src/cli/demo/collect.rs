@@ -197,6 +197,7 @@ fn best(
             .collect::<Result<_, _>>()?;
         for path in kept_policies(&paths)? {
             let (agent, stamp) = policy::read_for(&path, tasks[0].spaces())?;
+            // Each start has a stream of its own, so that recording can repeat its episode.
             let generator = |start| run.seed.stream(Stream::Evaluation, start);
             let generators = (0..starts).map(generator).collect();
             let episodes = evaluate::episodes(
@@ -211,6 +212,7 @@ fn best(
                 .sum::<f64>()
                 / episodes.len() as f64;
             for (start, episode) in (0..).zip(&episodes) {
+                // Recording plays the episode again, so it is done only where the misfit needs it.
                 let misfit = wanted.misfit(episode.dense_return, mean_return, || {
                     Ok(evaluate::record(&agent, &mut tasks[0], generator(start))?)
                 })?;

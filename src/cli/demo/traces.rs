@@ -174,9 +174,11 @@ fn draw(panel: &Panel, longest: usize, top: f64) -> Vec<Shape> {
             .step_by(stride)
             .map(|(i, &value)| at(i, value))
             .collect();
+        // A line needs two points, so an episode of one step gets a short dash.
         if let [only] = points[..] {
             points.push((only.0 + 2.0, only.1));
         }
+        // The lines of long episodes are dense, and easier to read if thin.
         let width = if longest > 300 { 0.7 } else { 1.2 };
         shapes.push(Shape::Line {
             points,

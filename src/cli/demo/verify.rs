@@ -67,6 +67,7 @@ pub fn run(arguments: &VerifyArguments) -> anyhow::Result<ExitCode> {
         nowhere if nowhere.is_empty() => nowhere,
         place => format!("{place}, number {number}"),
     };
+    // The recording may be of another version of the environment, which is named if it fits.
     let version = replay
         .version(env, &tolerance)
         .filter(|_| !agrees)

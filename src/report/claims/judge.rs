@@ -47,6 +47,8 @@ pub struct Judged {
 
 /// Judges `claim` by `parts`, one per environment; `None` where one has too few numbers.
 pub fn judge(claim: &Claim, parts: &[Part]) -> Option<Judged> {
+    // Over several environments, returns are averaged in units of each one's scale. In a single one
+    // they keep their unit, and the margin is converted instead.
     let in_units = |part: &Part| match (claim.environments, part.scale) {
         (Environments::Each, Some(scale)) => (1.0, scale.distance),
         (Environments::Overall, Some(scale)) => (1.0 / scale.distance, 1.0),
@@ -76,6 +78,7 @@ pub fn judge(claim: &Claim, parts: &[Part]) -> Option<Judged> {
         Contrast::of(&of.chain(than).collect::<Vec<_>>())
     });
     let contrasts: Vec<Contrast> = contrasts.collect::<Option<_>>()?;
+    // The less favourable way to count failed runs decides.
     let greatest = |p: fn(Relation, &Contrast, f64) -> f64| {
         contrasts
             .iter()

@@ -136,6 +136,7 @@ fn rows(claim: &Claim, runs: &[Run]) -> Vec<ClaimRow> {
         None | Some(Versus::Demonstration) => Vec::new(),
         Some(Versus::Runs(selection)) => meant(selection),
     };
+    // No run is compared with itself: one that matches both selections counts on the other side.
     let opposite: BTreeSet<&str> = than.iter().map(|run| run.spec.id.as_str()).collect();
     let mut of = meant(&claim.of);
     of.retain(|run| !opposite.contains(run.spec.id.as_str()));
@@ -164,6 +165,7 @@ fn rows(claim: &Claim, runs: &[Run]) -> Vec<ClaimRow> {
                 than: others,
             }
         });
+        // An environment without runs to compare with cannot be judged.
         let sides: Vec<_> = sides
             .filter(|sides| !compares_runs || !sides.than.is_empty())
             .collect();
@@ -181,6 +183,7 @@ fn rows(claim: &Claim, runs: &[Run]) -> Vec<ClaimRow> {
             })),
         }
     }
+    // A claim without any runs still gets a row, so that it is not overlooked.
     if made.is_empty() {
         made.push(Row {
             env: None,

@@ -38,6 +38,7 @@ pub fn rliable(runs: &[Run]) -> Value {
             .values()
             .flat_map(|seeds| seeds.keys().copied())
             .collect();
+        // The matrix has no empty cells, so a seed that lacks an environment is left out.
         let (whole, partial): (Vec<u64>, Vec<u64>) = all
             .into_iter()
             .partition(|seed| envs.values().all(|seeds| seeds.contains_key(seed)));

@@ -29,6 +29,7 @@ const NAMES: [&str; 6] = [
 /// The events of `run`: its hyperparameters, every column of its iterations, and its evaluations'
 /// means. Wall time is the time that training had taken, from 0.
 pub fn events(run: &Run) -> Vec<u8> {
+    // An event file begins with the version of its format.
     let mut bytes = record(
         &Message::default()
             .double(1, 0.0)
@@ -42,6 +43,8 @@ pub fn events(run: &Run) -> Vec<u8> {
     let clock = clock(recording);
     let mut scalar = |tag: &str, points: Vec<(u64, f64)>| {
         for (step, value) in points {
+            // Evaluations have no clock of their own, and take the time of the last iteration
+            // before them.
             let seconds = clock
                 .range(..=step)
                 .next_back()

@@ -103,6 +103,7 @@ pub fn notes(data: &CurveData) -> Notes {
             lacking.push(entry);
         }
     }
+    // If all curves lack the same, one sentence says it for all of them.
     let kinds: BTreeSet<Option<String>> =
         curves.iter().map(|(_, _, curve)| curve.lacking()).collect();
     let mut notes = Vec::new();

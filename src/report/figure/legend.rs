@@ -30,6 +30,7 @@ impl<'a> Legend<'a> {
         let mut entries: Vec<(Look, String)> = looks
             .zip(data.series.iter().map(|name| name.text.clone()))
             .collect();
+        // Panels without points show a text instead of lines, so they need no entries.
         let drawn = || {
             data.panels.iter().filter(|panel| {
                 panel

@@ -125,6 +125,7 @@ pub fn outline(look: usize) -> Vec<(f64, f64)> {
         };
         (0..corners).map(corner).collect::<Vec<_>>()
     };
+    // Shapes with corners look smaller than a circle of the same radius.
     let larger = |factor: f64, points: Vec<(f64, f64)>| -> Vec<(f64, f64)> {
         points
             .into_iter()

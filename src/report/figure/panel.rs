@@ -125,6 +125,7 @@ pub fn draw(
     };
     let mut shapes = Vec::new();
     let middle = (axes.left + axes.right) / 2.0;
+    // The title is centred over the axes, so the nearer edge of the frame limits its width.
     let room =
         2.0 * (middle - frame.left).min(frame.left + frame.width - middle) - sheet.scaled(4.0);
     let at = (middle, axes.top - sheet.scaled(5.0));
@@ -268,6 +269,7 @@ fn grid(sheet: &Sheet, axes: &Axes, x_ticks: &[Tick], y_ticks: &[Tick]) -> Vec<S
         line([(x, axes.bottom), (x, axes.bottom + long)], BLACK);
     }
     for tick in y_ticks.iter().filter(|tick| !tick.label.is_empty()) {
+        // Digits are about 0.72 em high, so this puts their middle at the tick.
         let at = (axes.left - gap, axes.height_of(tick.at) + 0.36 * sheet.tick);
         shapes.push(Shape::Text(text(
             &tick.label,
@@ -358,6 +360,7 @@ fn lines(data: &CurveData, panel: &Panel, sheet: &Sheet, axes: &Axes) -> Vec<Sha
         }
     }
     for (turn, (look, path)) in paths.iter().enumerate() {
+        // A marker must not stand in a gap, where the curve has no line.
         let drawn = |at: &(f64, f64)| {
             let over =
                 |stretch: &Path| Some(stretch.first()?.0 <= at.0 && at.0 <= stretch.last()?.0);
@@ -438,6 +441,7 @@ fn stretches(curve: &Curve, axes: &Axes, markers: usize) -> Vec<Path> {
 /// The band of a curve; an error bar where a stretch of it is one point.
 fn band(look: usize, curve: &Curve, axes: &Axes) -> Vec<Shape> {
     let color = look::color(look);
+    // A method that does not train has one value, whose band spans the whole width.
     if let Some((low, high)) = curve.level().and_then(|level| level.band) {
         let (low, high) = (axes.height_of(low), axes.height_of(high));
         let points = vec![

@@ -47,6 +47,7 @@ impl Picture {
     ///
     /// None that the embedded font, which the tests check, can give.
     pub fn pdf(&self) -> io::Result<Vec<u8>> {
+        // PDF sets opacities through named states, so each opacity in use gets one.
         let opacities: BTreeSet<u32> = self.shapes.iter().filter_map(opacity).collect();
         let opacities: BTreeMap<u32, (String, Ref)> = (0..)
             .zip(opacities)
@@ -248,6 +249,7 @@ impl Glyphs {
         pdf.stream(FONT_PROGRAM, &deflated(&program)?)
             .filter(Filter::FlateDecode)
             .pair(Name(b"Length1"), length);
+        // The map back to characters makes the text searchable and copyable.
         let mut unicode = UnicodeCmap::new(Name(b"Adobe-Identity-UCS"), IDENTITY);
         self.used
             .iter()

@@ -86,6 +86,7 @@ pub fn draw(inches: Option<f64>) -> Result<Picture, ReportError> {
         plane.top,
         plane.top + height,
     );
+    // Once around and a little further, so that the starting corner is joined too.
     shapes.push(line(
         vec![(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0), (x1, y0)],
         0.6,

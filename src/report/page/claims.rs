@@ -90,6 +90,7 @@ fn numbers(rows: &[ClaimRow]) -> String {
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &x| {
             (a.min(x), b.max(x))
         });
+    // The first column is the claim, which the table's label already names.
     let head: String = grid.headers[1..]
         .iter()
         .zip(&grid.numeric[1..])

@@ -53,6 +53,7 @@ pub fn csv(data: &TableData) -> Result<Vec<u8>, csv::Error> {
             let whole = |value: Option<u64>| value.map_or(String::new(), |x| x.to_string());
             let mut record: Vec<String> =
                 row.values.iter().chain(&column.values).map(value).collect();
+            // A single seed has no interval.
             record.extend([
                 number(cell.ours.map(|ours| ours.mean)),
                 number(cell.ours.filter(|_| cell.seeds > 1).map(|ours| ours.low)),

@@ -80,6 +80,7 @@ pub fn places(
         .map(|run| (run.spec.id.as_str(), run.stamp.fingerprint.as_str()))
         .collect();
     let mut places = HashMap::new();
+    // Earlier submissions come first, so that later ones replace their places.
     for folder in submission::folders(results, experiment)? {
         let asked = Asked::read(&folder)?;
         let cancelled: BTreeSet<usize> = asked.iter().flat_map(Asked::cancelled).copied().collect();
@@ -104,6 +105,7 @@ pub fn places(
             }
         }
     }
+    // All jobs are asked for at once, since each question starts a command of Slurm's.
     let jobs: BTreeSet<String> = places
         .values()
         .filter_map(|place| Some(place.job.as_ref()?.0.clone()))
