@@ -68,9 +68,9 @@ pub enum Cell<R> {
 /// The field of a row that a column holds.
 #[derive(Debug)]
 pub struct Field<R, T> {
-    /// Reads it.
+    /// Reads the field.
     pub get: fn(&R) -> T,
-    /// Replaces it.
+    /// Sets the field.
     pub set: fn(&mut R, T),
 }
 

@@ -216,9 +216,9 @@ pub fn paper_family(gym: &str) -> &str {
 /// beside `10⁻³`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Notation {
-    /// `0.1`, `15`.
+    /// Plain digits: `0.1`, `15`.
     Digits,
-    /// `10⁻³`, `2·10⁻³`; `1` and `2.5`, which have no power.
+    /// Powers of ten: `10⁻³`, `2·10⁻³`; `1` and `2.5`, which have no power.
     Powers,
 }
 

@@ -114,7 +114,7 @@ pub struct Curve {
 /// One seed of a curve.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Single {
-    /// The seed.
+    /// The run's seed.
     pub seed: u64,
     /// Its values over environment steps.
     pub points: Vec<(f64, f64)>,

@@ -74,7 +74,7 @@ pub enum ReportError {
     NoneMatch {
         /// The experiment.
         experiment: String,
-        /// How many runs it has.
+        /// The number of its runs.
         runs: usize,
         /// The selection.
         only: String,

@@ -24,7 +24,7 @@ pub struct PaperValue {
 impl PaperValue {
     /// Evaluation episodes behind the mean (appendix, E.2).
     pub const EPISODES: f64 = 50.0;
-    /// Seeds of which the best one's policy is evaluated (appendix, E.2).
+    /// The number of seeds, of which the best one's policy is evaluated (appendix, E.2).
     pub const SEEDS: usize = 5;
 }
 

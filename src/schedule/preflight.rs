@@ -50,7 +50,7 @@ pub enum Problem {
     /// The results would not fit.
     #[error("{} has {available_mib} MiB left; these runs may need {needed_mib} MiB; free some space, or name another folder with --results", folder.display())]
     NoSpace {
-        /// The folder of results.
+        /// The folder of all results.
         folder: PathBuf,
         /// The free space, MiB.
         available_mib: u64,

@@ -25,7 +25,7 @@ pub enum Style {
 }
 
 impl Style {
-    /// Bars where stderr is a terminal, else lines; nothing when `quiet`.
+    /// The style for this stderr: bars on a terminal, otherwise lines; only failures if `quiet`.
     pub fn choose(quiet: bool) -> Self {
         match (quiet, io::stderr().is_terminal()) {
             (true, _) => Self::Quiet,

@@ -33,7 +33,7 @@ use words::{text, wrap};
 
 const LINE: f64 = 1.35; // of a text's size
 
-/// The figure of `data`: for print where it has a width, else for the screen.
+/// The figure of `data`: for print where it has a width, otherwise for the screen.
 pub fn draw(data: &CurveData) -> Picture {
     let sheet = data.width.map_or(Sheet::SCREEN, Sheet::print);
     let grid = Grid::new(data, sheet);
@@ -82,7 +82,7 @@ pub fn draw(data: &CurveData) -> Picture {
     }
 }
 
-/// Where the panels stand.
+/// The grid of the panels on a page.
 struct Grid {
     sheet: Sheet,
     width: f64,

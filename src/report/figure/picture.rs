@@ -53,7 +53,7 @@ impl Metrics {
     }
 }
 
-/// The font's.
+/// The metrics of the embedded font.
 pub fn metrics() -> Metrics {
     let em = FONT.units_per_em().unwrap_or(2048.0);
     let (ascent, descent) = (FONT.ascent_unscaled() / em, FONT.descent_unscaled() / em);
@@ -117,7 +117,7 @@ pub struct Text {
     pub anchor: Anchor,
     /// The font size: the length of an em, points.
     pub size: f64,
-    /// Its colour.
+    /// The colour of the text.
     pub color: Color,
     /// Whether the text runs upwards.
     pub upwards: bool,

@@ -104,7 +104,7 @@ impl Scale {
         )
     }
 
-    /// Every multiple of `step`; from `thousands` on they may be written with `k`.
+    /// Every multiple of `step`; values from `thousands` on may be written with `k`.
     fn multiples(&self, step: Step, thousands: f64) -> Vec<Tick> {
         let width = step.value(1);
         let (first, last) = (

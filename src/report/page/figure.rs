@@ -408,7 +408,7 @@ fn mark(look: usize, (x, y): (f64, f64)) -> String {
     format!("<use href=\"#mark-{look}\" x=\"{x:.0}\" y=\"{y:.0}\"/>")
 }
 
-/// Every `stride`-th item, and the last one.
+/// Every `stride`-th item, and always the last one.
 pub fn thinned<T>(all: &[T], stride: usize) -> impl Iterator<Item = &T> {
     all.iter()
         .enumerate()

@@ -61,7 +61,7 @@ fn format_of(extension: &str) -> &str {
     }
 }
 
-/// A verdict with a mark, so that it is told by more than its colour.
+/// A verdict with a mark, so that colour is not its only sign.
 pub fn verdict(text: &str) -> String {
     let word = text.split([':', ' ']).next().unwrap_or_default();
     let class = match word {

@@ -26,7 +26,7 @@ pub fn plus_minus(mean: f64, spread: f64, most: usize) -> String {
     }
 }
 
-/// The two ends of an interval, with three digits of its width and at most four after the point:
+/// The two ends of an interval, with three digits of its width and at most four after the point, as
 /// `−1210 to 350`.
 pub fn between(low: f64, high: f64) -> String {
     let decimals = decimals_of(high - low);

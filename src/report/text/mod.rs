@@ -107,8 +107,8 @@ fn compares(data: &TableData) -> bool {
     })
 }
 
-/// The single grid for LaTeX and the terminal: the matrix where there are several columns, else the
-/// list.
+/// The single grid for LaTeX and the terminal: the matrix where there are several columns,
+/// otherwise the list.
 fn compact(data: &TableData) -> Grid {
     if data.columns.len() > 1 {
         matrix(data)
