@@ -30,7 +30,7 @@ def row(*cells):
 
 
 def called(*arguments):
-    """What the program printed, and the megabytes it and its workers took at most."""
+    """The output of the program, and the most megabytes that it or a worker took."""
     process = subprocess.Popen([PROGRAM, *map(str, arguments)], stdout=subprocess.PIPE, cwd=ROOT)
     output = process.stdout.read()
     _, status, usage = os.wait4(process.pid, 0)
@@ -47,7 +47,7 @@ def bench(iterations, algorithm, *settings):
 
 
 def speeds(title, iterations, cases):
-    """One row a case: speed, share of the floor's, memory; of both algorithms."""
+    """One row per case with speed, share of the floor's speed and memory, for both algorithms."""
     table(title, *(f"{name} {what}" for name in ["ppo", "mcpo"] for what in ["steps/s", "of the floor", "MB"]))
     for label, settings in cases:
         cells = []

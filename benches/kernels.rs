@@ -1,9 +1,9 @@
-//! What a training step is made of, piece by piece: `cargo bench --bench kernels`, or `... --
+//! The parts of a training step, timed one by one: `cargo bench --bench kernels`, or `... --
 //! FILTER` for some of them.
 //!
-//! Rates are in numbers a second: floating-point operations of products, values of tanh, samples of
-//! everything else, steps of environments. Short measurements by default; `--measurement-time 5`
-//! and the like make them longer. Whole iterations are what `mcpo-run bench` measures.
+//! Rates are per second: floating-point operations for products, values for tanh, steps for
+//! environments, and samples for everything else. Measurements are short by default; options such
+//! as `--measurement-time 5` make them longer. Whole iterations are what `mcpo-run bench` measures.
 
 use std::{hint::black_box, time::Duration};
 
@@ -27,12 +27,12 @@ use mcpo_run::{
 use nalgebra::DMatrix;
 use rand::RngExt;
 
-/// HalfCheetah's, and the default hidden layers.
+/// The sizes of HalfCheetah, and the default hidden layers.
 const OBSERVATION: usize = 17;
 const HIDDEN: [usize; 2] = [300, 400];
 const ACTION: usize = 6;
 
-/// Numbers in -1..1.
+/// A matrix of random numbers in -1..1.
 fn random(rows: usize, columns: usize) -> DMatrix<f32> {
     let mut rng = Seed(1).stream(Stream::Update, 0);
     DMatrix::from_fn(rows, columns, |_, _| rng.random_range(-1.0..1.0))

@@ -1,14 +1,15 @@
-//! What shortcuts in the natural gradient cost in the step that they find: `cargo bench --bench
-//! shortcuts`.
+//! The cost of shortcuts in the natural gradient, in the quality of the step that they find: `cargo
+//! bench --bench shortcuts`.
 //!
-//! On batches of MCPO in training on the dense reward, `H^-1 v` is found for its two gradients, v =
-//! g of the surrogate and v = b of the MMD at the demonstration's states, with as many samples in
-//! the Fisher matrix and as many products as each row says. Printed are the gain `v.x` as a share
-//! of the best at the same KL, and the mean KL of the step in units of what was asked for, both by
-//! the quadratic model of all samples; the best is what 300 products with all of them find. A warm
-//! start goes on from what 10 products with all samples found an iteration earlier, at its best
-//! length, which costs one product. Means over the batches, the lowest gain and the highest KL in
-//! brackets. `experiments/studies/shortcuts` says what it led to.
+//! The batches come from MCPO while it trains on the dense reward. On them, `H^-1 v` is computed
+//! for its two gradients: v = g of the surrogate, and v = b of the MMD at the demonstration's
+//! states. Each row says how many samples are in the Fisher matrix and how many products are taken.
+//! It prints the gain `v.x` as a share of the best at the same KL, and the mean KL of the step in
+//! units of the requested one, both by the quadratic model of all samples. The best is the result
+//! of 300 products with all samples. A warm start continues from the result of 10 products with all
+//! samples an iteration earlier, scaled to its best length, which costs one product. The numbers
+//! are means over the batches, with the lowest gain and the highest KL in brackets.
+//! `experiments/studies/shortcuts` tells the conclusions.
 
 use std::{error::Error, path::Path};
 
@@ -33,13 +34,13 @@ use mcpo_run::{
 };
 use nalgebra::DMatrix;
 
-/// Iterations whose batches are looked at.
+/// The iterations whose batches are measured.
 const ITERATIONS: [usize; 3] = [2, 10, 30];
-/// Samples in the Fisher matrix.
+/// The numbers of samples in the Fisher matrix.
 const SAMPLES: [usize; 5] = [4096, 2048, 1024, 512, 256]; // the first is all
-/// Products.
+/// The numbers of products with the Fisher matrix.
 const PRODUCTS: [usize; 5] = [3, 5, 10, 15, 20];
-/// Products that find the best solution.
+/// The limits under which the best solution is found.
 const ENOUGH: Limits = limits(300);
 
 const fn limits(iterations: usize) -> Limits {
@@ -71,7 +72,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// One row, with what was measured of g and of b on each batch.
+/// One printed row, with the qualities for g and for b on each batch.
 struct Case {
     samples: usize,
     is_warm: bool,
@@ -80,13 +81,13 @@ struct Case {
     of_b: Vec<Quality>,
 }
 
-/// How good a solution is.
+/// The quality of a solution.
 struct Quality {
-    /// Conjugate gradient's own residual, relative.
+    /// The relative residual that conjugate gradient itself reports.
     residual: f64,
     /// The gain as a share of the best at the same KL.
     gain: f64,
-    /// The KL in units of what was asked for.
+    /// The mean KL in units of the requested one.
     kl: f64,
 }
 
@@ -168,6 +169,7 @@ fn study(env: &str) -> Result<Vec<Case>, Box<dyn Error>> {
     let mut before: Option<[Vec<f32>; 2]> = None;
     for iteration in 1..=ITERATIONS[ITERATIONS.len() - 1] {
         let batch = rollout.collect(mcpo.agent_mut(), steps)?.batch;
+        // The iteration before each measured one is solved too: a warm start continues from it.
         let wanted = |i: &usize| *i == iteration || *i == iteration + 1;
         if ITERATIONS.iter().any(wanted) {
             let gradients = gradients(mcpo.agent(), &batch, &mut mimicry, &h)?;
@@ -193,7 +195,7 @@ fn study(env: &str) -> Result<Vec<Case>, Box<dyn Error>> {
     Ok(cases)
 }
 
-/// g, of the surrogate, and b, of the MMD.
+/// The two gradients: g of the surrogate, and b of the MMD.
 fn gradients(
     agent: &Agent,
     batch: &Batch,
@@ -233,7 +235,8 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// Conjugate gradient with the Fisher matrix of `observations`; and its residual.
+    /// The solution of conjugate gradient with the Fisher matrix of `observations`, and its
+    /// residual.
     fn solved(&self, observations: &DMatrix<f32>, v: &[f32], limits: Limits) -> (Vec<f32>, f64) {
         let mut pass = Pass::default();
         self.agent.policy.forward(observations, &mut pass);
@@ -251,8 +254,8 @@ impl<'a> Problem<'a> {
         product
     }
 
-    /// Of `case`'s solution for `v`, whose best one has `v.x = best`; the iteration before had
-    /// found `before`.
+    /// The quality of `case`'s solution for `v`. The best solution has `v.x = best`; the previous
+    /// iteration had found `before`.
     fn quality(&self, case: &Case, v: &[f32], before: &[f32], best: f64) -> Quality {
         let (x, residual) = if case.is_warm {
             let moved = self.product(before);
@@ -277,7 +280,7 @@ impl<'a> Problem<'a> {
             self.solved(&some, v, limits(case.products))
         };
         let (gain, square) = (dot(v, &x), dot(&x, &self.product(&x)));
-        // The step is scaled by its own model's idea of its KL, which is v.x / 2.
+        // The step is scaled by the KL in its own model, which is v.x / 2.
         Quality {
             residual,
             gain: gain / (square * best).sqrt(),

@@ -1,4 +1,4 @@
-"""What all peers share: the task, the clock, the counting of passes, and the environments' names."""
+"""Shared by all peers: the task, the clock, the counting of passes, and the environments' names."""
 
 import time
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ EPOCHS = 10
 
 @dataclass
 class Task:
-    """What to train, and for how long."""
+    """The training task, and its length."""
 
     algorithm: str
     env: str
@@ -22,12 +22,12 @@ class Task:
 
     @property
     def steps_each(self):
-        """Of a rollout, in each environment."""
+        """Steps of a rollout in each environment."""
         return ROLLOUT // self.environments
 
     @property
     def timesteps(self):
-        """Of the whole training, with the iteration that is not measured."""
+        """Steps of the whole training, with the iteration that is not measured."""
         return ROLLOUT * (1 + self.iterations)
 
 
@@ -51,8 +51,8 @@ class Clock:
         return {"env_steps": last_steps - steps, "seconds": last_wall - wall, "cpu_seconds": last_cpu - cpu}
 
     def count_torch(self, policy, value):
-        """Counts the samples that pass the modules' last layers, until the first iteration ends. A pass counts as gone
-        back once: what differentiates again is a Fisher product."""
+        """Counts the samples that pass the modules' last layers, until the first iteration ends. Each pass counts as
+        one backward pass: differentiating again is counted as a Fisher product."""
 
         for name, layer in (("policy", policy), ("value", value)):
 
@@ -70,7 +70,7 @@ class Clock:
             self.hooks.append(layer.register_forward_hook(count).remove)
 
     def count_calls(self, owner, product):
-        """Counts the calls of `owner`'s method named `product` as Fisher products on the whole rollout, likewise."""
+        """Likewise counts the calls of `owner`'s method `product`, as Fisher products on the whole rollout."""
         original = getattr(owner, product)
         self.passes.fisher_samples = ROLLOUT
 
@@ -83,7 +83,7 @@ class Clock:
 
 
 def mlp(inputs, outputs):
-    """`inputs` to `outputs` numbers through the hidden layers, in torch."""
+    """A torch network from `inputs` to `outputs` numbers through the hidden layers."""
     from torch import nn
 
     first, second = HIDDEN

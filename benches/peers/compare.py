@@ -35,7 +35,7 @@ SAME_WORK = {
 
 @dataclass
 class Program:
-    """What runs, and what came of it, round by round."""
+    """A program to run, and its results round by round."""
 
     name: str
     peer: str
@@ -49,7 +49,7 @@ class Program:
 
 
 def peers(algorithm):
-    """Whom ours is compared with."""
+    """The programs that ours is compared with."""
     if algorithm == "mcpo":
         names = [("sb3-contrib TRPO", "sb3", 8), ("sb3-contrib TRPO", "sb3", 1)]
         names += [("tianshou TRPO", "tianshou", 8), ("rlox TRPO", "rlox", 8)]
@@ -61,7 +61,7 @@ def peers(algorithm):
 
 
 class Machine:
-    """One core, and a folder for what programs leave behind where they run: MuJoCo a log, torch what it compiled."""
+    """One core, and a folder for the files that programs leave where they run, such as MuJoCo's log."""
 
     def __init__(self, core, folder):
         self.core, self.folder = core, folder
@@ -74,7 +74,7 @@ class Machine:
 
 
 def ours(machine, algorithm, arguments, env):
-    """On the dense reward, so that there is a gradient from the first iteration on, as the peers have."""
+    """Runs ours on the dense reward, so that there is a gradient from the first iteration on, as for the peers."""
     same = [setting.format(minibatch=arguments.minibatch) for setting in SAME_WORK[algorithm]]
     settings = ["reward=dense", "rollout.steps=4096", f"rollout.environments={ENVIRONMENTS}", *same, *arguments.set]
     options = [f"--env={env}-v2", f"--algorithm={algorithm}", f"--iterations={arguments.iterations}"]
@@ -86,7 +86,7 @@ def ours(machine, algorithm, arguments, env):
 
 
 def theirs(machine, program, algorithm, arguments, env, own):
-    """Runs a peer, unless it had trouble before. `own` is what ours did: it says how many products to take."""
+    """Runs a peer, unless it had trouble before. `own` is the result of ours, which sets the number of products."""
     if program.trouble:
         return
     options = [f"--environments={program.environments}", f"--minibatch={arguments.minibatch}"]
@@ -119,7 +119,7 @@ def row(*cells):
 
 
 def compare(machine, algorithm, arguments, env):
-    """Measures in turns and prints our row, the peers' and the floor's. Gives what failed."""
+    """Measures in turns and prints our row, the peers' and the floor's. Returns the failures."""
     programs, own = peers(algorithm), []
     if arguments.only:
         programs = [program for program in programs if program.peer in arguments.only]

@@ -1,4 +1,4 @@
-"""What the two lean programs share: the physics, a rollout's memory and its advantages, with as little as possible around."""
+"""Shared by the two lean programs: the physics, a rollout's memory and its advantages, with as little as possible around."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ HALF_LOG_2PI = 0.5 * np.log(2 * np.pi)
 
 
 class EnvPool:
-    """All environments in one call of C++ code. An ended one begins anew by itself in the step after."""
+    """All environments in one call of C++ code. An ended one starts again by itself in the next step."""
 
     physics = "EnvPool"
 
@@ -59,7 +59,7 @@ class Loop:
 
 
 def physics(env, count):
-    """EnvPool where it is installed, else Gymnasium: the table says which."""
+    """EnvPool where it is installed, otherwise Gymnasium; the table names it."""
     try:
         return EnvPool(env, count)
     except ModuleNotFoundError:
@@ -77,7 +77,7 @@ class Buffer:
         self.ends = np.zeros(shape, bool)
 
     def collect(self, env, observations, act, value):
-        """Steps until the rollout is full; gives the observations after it. `act(t, observations)` is an action, its log
+        """Steps until the rollout is full; returns the observations after it. `act(t, observations)` is an action, its log
         density and a value for each environment, `value(observations)` the values alone, which an episode cut short
         goes on with."""
         for t in range(len(self.observations)):
@@ -104,7 +104,7 @@ class Buffer:
 
 
 def passes(task, epochs):
-    """Of one iteration of a lean program: compiled code cannot be hooked, and this is how it is written. Episodes cut
+    """The passes of one iteration of a lean program, from its code: compiled code cannot be hooked. Episodes cut
     short, each of which costs a value of every environment, are one in a thousand steps and left out."""
     update = ROLLOUT * epochs
     forward = {"policy": ROLLOUT + update, "value": ROLLOUT + task.environments + update}

@@ -10,7 +10,7 @@ from common import EPOCHS, ROLLOUT, gymnasium_id, mlp
 
 
 class Policy(rlox.policies.ContinuousPolicy):
-    """rlox's, with the networks compared here."""
+    """rlox's policy with the networks compared here."""
 
     def __init__(self, obs_dim, act_dim, hidden=None):
         super().__init__(obs_dim, act_dim)

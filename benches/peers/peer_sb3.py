@@ -30,7 +30,7 @@ class Iterations(BaseCallback):
 
 
 def settings(task, activation):
-    """Of an algorithm in Stable-Baselines3's manner."""
+    """The common arguments of Stable-Baselines3's algorithms."""
     name = gymnasium_id(task.env)
     return dict(
         policy="MlpPolicy",

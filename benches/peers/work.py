@@ -8,8 +8,8 @@ HIDDEN = (300, 400)
 
 @dataclass
 class Passes:
-    """What one iteration did, in samples: of the networks' passes forward, and back to the weights' gradient; and how
-    many Fisher products, each on `fisher_samples`."""
+    """The work of one iteration: the samples of the networks' forward passes, and of the backward passes to the
+    weights' gradient; and the number of Fisher products, each on `fisher_samples`."""
 
     forward: dict[str, int] = field(default_factory=lambda: {"policy": 0, "value": 0})
     back: dict[str, int] = field(default_factory=lambda: {"policy": 0, "value": 0})

@@ -14,7 +14,7 @@ use crate::{
     spec::{self, Algorithm, Overrides, SpecErrors},
 };
 
-/// What to measure, and how long.
+/// The arguments of `bench`.
 #[derive(Debug, clap::Args)]
 pub struct BenchArguments {
     /// The environment, such as HalfCheetah-v2, or robot.toml:NAME for a robot of one's own
@@ -35,7 +35,7 @@ pub struct BenchArguments {
     json: bool,
 }
 
-/// Measures, and shows it.
+/// Measures the speed of training, and prints it.
 pub fn run(arguments: &BenchArguments) -> anyhow::Result<ExitCode> {
     let measured = bench::measure(&spec(arguments)?, arguments.iterations.into())?;
     let text = if arguments.json {
@@ -47,7 +47,7 @@ pub fn run(arguments: &BenchArguments) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// What is wrong, without the lines of a matrix file that nobody wrote.
+/// The errors without their lines, since they would be of a matrix file that nobody wrote.
 fn invalid(errors: SpecErrors) -> anyhow::Error {
     let told = errors.iter().map(|error| {
         let more = [&error.label, &error.help]
@@ -59,8 +59,8 @@ fn invalid(errors: SpecErrors) -> anyhow::Error {
     anyhow::anyhow!(told.collect::<Vec<_>>().join("\n"))
 }
 
-/// The run that is meant: of a matrix file that would stand in `experiments`, beside the
-/// demonstrations.
+/// The run to measure. It is read as if from a matrix file in `experiments`, so that the
+/// demonstrations are found.
 fn spec(arguments: &BenchArguments) -> anyhow::Result<RunSpec> {
     let BenchArguments {
         env,

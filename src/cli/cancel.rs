@@ -12,7 +12,7 @@ use crate::schedule::{
     state::{Planned, RunState},
 };
 
-/// Cancels what the cluster has of the runs that are meant. Those under way write a checkpoint, and
+/// Cancels those of the chosen runs that the cluster has. Runs under way write a checkpoint, and
 /// all can be submitted again.
 pub fn run(chosen: &Chosen) -> anyhow::Result<ExitCode> {
     let specs = chosen.load()?;

@@ -1,4 +1,4 @@
-//! The experiments and runs that a command is about, as most commands are told of them.
+//! The experiments and runs that a command is about, as most commands take them.
 
 use std::{
     collections::BTreeMap,
@@ -14,7 +14,7 @@ use crate::{
     spec::{self, ExperimentSpec, Overrides, SpecErrors},
 };
 
-/// Which experiments, and what of them.
+/// The experiments and runs that a user chose.
 #[derive(Debug, clap::Args)]
 pub struct Chosen {
     /// Matrix files, or folders of them
@@ -39,12 +39,12 @@ pub struct Chosen {
     pub results: PathBuf,
 }
 
-/// Everything that is wrong in the files.
+/// Everything that is wrong in the chosen files.
 #[derive(Debug)]
 pub struct InvalidFiles(pub(super) Vec<SpecErrors>);
 
 impl InvalidFiles {
-    /// All of it, with lines and carets.
+    /// All errors, with lines and carets.
     pub fn render(&self, terminal: bool) -> String {
         self.0
             .iter()
@@ -62,11 +62,11 @@ impl fmt::Display for InvalidFiles {
 impl std::error::Error for InvalidFiles {}
 
 impl Chosen {
-    /// Reads the files.
+    /// Reads the experiments from the chosen files.
     ///
     /// # Errors
     ///
-    /// Everything that is wrong in any of them, or two of them share a name.
+    /// Any of the files is wrong, or two experiments share a name.
     pub fn load(&self) -> anyhow::Result<Vec<ExperimentSpec>> {
         Ok(self
             .load_files()?
@@ -75,7 +75,7 @@ impl Chosen {
             .collect())
     }
 
-    /// The same with the files that they stand in.
+    /// The experiments as [`load`](Self::load) reads them, each with its file.
     pub fn load_files(&self) -> anyhow::Result<Vec<(PathBuf, ExperimentSpec)>> {
         let overrides = Overrides {
             set: self.set.clone(),
@@ -105,11 +105,11 @@ impl Chosen {
         }
     }
 
-    /// The runs of `specs` that are meant.
+    /// The runs of `specs` that the user chose.
     ///
     /// # Errors
     ///
-    /// The selection cannot be understood, or means none.
+    /// The selection cannot be understood, or matches no run.
     pub fn runs(&self, specs: &[ExperimentSpec]) -> anyhow::Result<Vec<RunSpec>> {
         let selection = (!self.only.is_empty())
             .then(|| Selection::parse(&self.only.join(",")))
@@ -132,11 +132,11 @@ impl Chosen {
         Ok(runs)
     }
 
-    /// The same with places and fingerprints, for which the demonstrations must be there.
+    /// The chosen runs with their places and fingerprints, for which the demonstrations must exist.
     ///
     /// # Errors
     ///
-    /// Also everything that is wrong with demonstrations.
+    /// As for [`runs`](Self::runs), or a demonstration cannot be used.
     pub fn planned(&self, specs: &[ExperimentSpec]) -> anyhow::Result<Vec<Planned>> {
         let runs = self.runs(specs)?;
         let needed: Vec<&Path> = runs
@@ -153,8 +153,8 @@ impl Chosen {
         Ok(preflight::plan(runs, &self.results)?)
     }
 
-    /// What to say where nothing is recorded under [`results`](Self::results): which folder beside
-    /// the files holds results of these experiments.
+    /// A hint for when nothing is recorded under [`results`](Self::results): the folder beside the
+    /// files that holds results of these experiments.
     pub fn elsewhere(&self, specs: &[ExperimentSpec]) -> String {
         let holds = |folder: &Path| {
             specs
@@ -178,7 +178,7 @@ impl Chosen {
         }
     }
 
-    /// The files that are named, and those of the folders that are.
+    /// The files that the user named, and those in the folders that the user named.
     fn files(&self) -> anyhow::Result<Vec<PathBuf>> {
         let mut files = Vec::new();
         for path in &self.paths {

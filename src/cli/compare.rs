@@ -18,7 +18,7 @@ use crate::{
     spec::{self, Overrides},
 };
 
-/// What to compare.
+/// The arguments of `compare`.
 #[derive(Debug, clap::Args)]
 pub struct CompareArguments {
     /// A matrix file, or a folder that holds recorded `runs/`
@@ -43,7 +43,7 @@ pub struct CompareArguments {
     strict: bool,
 }
 
-/// Compares what `arguments` say.
+/// Compares the two sides, and prints the comparison.
 pub fn run(arguments: &CompareArguments) -> anyhow::Result<ExitCode> {
     let selection = (!arguments.only.is_empty())
         .then(|| Selection::parse(&arguments.only.join(",")))
@@ -84,7 +84,7 @@ pub fn run(arguments: &CompareArguments) -> anyhow::Result<ExitCode> {
     })
 }
 
-/// The runs of a matrix file under `results`, or those that lie in a folder; with remarks.
+/// The runs of a matrix file under `results`, or those in a folder; with remarks.
 fn recorded(path: &Path, results: &Path) -> anyhow::Result<(Vec<Run>, Vec<String>)> {
     if path.is_dir() {
         if !path.join("runs").is_dir() {

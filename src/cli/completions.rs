@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use super::{definition, print};
 
-/// Whose completions.
+/// The arguments of `completions`.
 #[derive(Debug, clap::Args)]
 pub struct CompletionsArguments {
     /// The shell

@@ -5,11 +5,12 @@ use std::time::Duration;
 /// The units, longest first, with their seconds.
 const UNITS: [(char, u64); 4] = [('d', 86_400), ('h', 3_600), ('m', 60), ('s', 1)];
 
-/// `2h`, `90m`, `1h30m`: whole numbers with their units, the longer unit first.
+/// Parses a length of time, such as `2h`, `90m`, `1h30m`: whole numbers with their units, the
+/// longer unit first.
 ///
 /// # Errors
 ///
-/// Another form, or no time at all.
+/// The text has another form, or the time is zero.
 pub fn parse(text: &str) -> Result<Duration, String> {
     let refused = || format!("`{text}` is not a length of time such as 2h, 90m or 1h30m");
     let (mut rest, mut seconds, mut units) = (text, 0_u64, UNITS.iter());

@@ -15,7 +15,7 @@ use crate::{
     train::{build, evaluate},
 };
 
-/// Which policy, and how often.
+/// The arguments of `eval`.
 #[derive(Debug, clap::Args)]
 pub struct EvalArguments {
     /// A run's folder, or a policy's file (*.safetensors)
@@ -28,7 +28,8 @@ pub struct EvalArguments {
     seed: u64,
 }
 
-/// The longest episode that is played, steps: a thousand times those of the seven environments.
+/// The longest episode that is played, in steps: a thousand times the limit of the seven
+/// environments.
 const LONGEST: u64 = 1_000_000;
 /// The most episodes that are played at a time.
 const TOGETHER: usize = 64;
@@ -54,8 +55,7 @@ fn check_digest(path: &Path) -> anyhow::Result<()> {
     }
 }
 
-/// Plays the episodes, and prints their returns in the dense reward and in the one that was trained
-/// on.
+/// Plays the episodes, and prints their returns in the dense reward and in the training reward.
 pub fn run(arguments: &EvalArguments) -> anyhow::Result<ExitCode> {
     let path = named(&arguments.run);
     let path = if path.is_dir() {
@@ -77,6 +77,7 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<ExitCode> {
             path.display()
         )
     })?;
+    // The limit comes from the policy's file, which may name any number.
     if spec.max_steps > LONGEST {
         bail!(
             "{} comes from a run whose episodes last {} steps; at most {LONGEST} are played",
@@ -85,7 +86,7 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<ExitCode> {
         );
     }
     check_digest(&path)?;
-    // How many play together does not change what they play.
+    // The number of episodes that play together does not change any of them.
     let together = spec
         .rollout
         .environments

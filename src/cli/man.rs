@@ -6,7 +6,7 @@ use anyhow::Context;
 
 use super::{definition, print};
 
-/// Which page.
+/// The arguments of `man`.
 #[derive(Debug, clap::Args)]
 pub struct ManArguments {
     /// The command; the whole program when absent

@@ -1,4 +1,4 @@
-//! The command line: one file a subcommand.
+//! The command line: one file per subcommand.
 //!
 //! Owns what a user types and sees, and the exit codes. Knows nothing that another program could
 //! want to know: everything else is in the modules that it calls. Start at [`main`].
@@ -56,7 +56,7 @@ struct Arguments {
     run: run::RunArguments,
 }
 
-/// What to do.
+/// The subcommands.
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Run what is missing, then write the reports (the default)
@@ -106,7 +106,7 @@ enum Command {
     Worker(worker::WorkerArguments),
 }
 
-/// Does what the command line says.
+/// Runs the command that the command line names.
 pub fn main() -> ExitCode {
     let arguments = match Arguments::try_parse() {
         Ok(arguments) => arguments,
@@ -160,7 +160,7 @@ fn complain(error: &anyhow::Error) {
     drop(io::stderr().write_all(text.as_bytes())); // nobody listens
 }
 
-/// An error with its causes, each unless what stands before says it already.
+/// An error with its causes, except those that the text before them already contains.
 fn told(error: &anyhow::Error) -> String {
     error
         .chain()
@@ -172,8 +172,8 @@ fn told(error: &anyhow::Error) -> String {
         })
 }
 
-/// The file or folder that somebody named, whatever links lead there; those that are found in a
-/// folder are not followed.
+/// The file or folder that a user named, with links resolved. Links that are found within a folder
+/// are not followed.
 fn named(path: &Path) -> PathBuf {
     if path.is_symlink() {
         path.canonicalize().unwrap_or_else(|_| path.to_owned())
@@ -182,8 +182,8 @@ fn named(path: &Path) -> PathBuf {
     }
 }
 
-/// Writes a result to stdout, without what would control the terminal. A reader that has seen
-/// enough (`| head`) is no error.
+/// Writes a result to stdout, without characters that would control the terminal. A reader that has
+/// seen enough (`| head`) is not an error.
 fn print(text: &str) -> anyhow::Result<()> {
     match io::stdout().write_all(escape::terminal(text).as_bytes()) {
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(error.into()),

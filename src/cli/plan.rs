@@ -14,7 +14,7 @@ use crate::{
     spec::ExperimentSpec,
 };
 
-/// What to show of a plan.
+/// The arguments of `plan`.
 #[derive(Debug, clap::Args)]
 pub struct PlanArguments {
     #[command(flatten)]
@@ -34,7 +34,8 @@ pub fn run(arguments: &PlanArguments) -> anyhow::Result<ExitCode> {
     )
 }
 
-/// Shows the runs of a plan with their states and costs, and how many its files name twice.
+/// Shows the runs of a plan with their states and costs, and the number of runs that its files name
+/// twice.
 pub fn show(
     specs: &[ExperimentSpec],
     planned: &[Planned],
@@ -44,6 +45,7 @@ pub fn show(
         .iter()
         .map(Planned::state)
         .collect::<Result<Vec<_>, _>>()?;
+    // Finished runs tell how long the others will take.
     let mut costs = CostModel::default();
     for (run, state) in planned.iter().zip(&states) {
         if let RunState::Finished(manifest)
@@ -111,7 +113,7 @@ pub fn show(
     Ok(ExitCode::SUCCESS)
 }
 
-/// What to say of runs that train noticeably more steps than they are given, since they take whole
+/// A note on runs that train noticeably more steps than their budget, since they take whole
 /// rollouts.
 fn whole_rollouts(planned: &[Planned]) -> String {
     let longer = planned
@@ -134,7 +136,7 @@ fn whole_rollouts(planned: &[Planned]) -> String {
     )
 }
 
-/// A table as all commands draw them.
+/// An empty table in the style of all commands.
 pub(super) fn table(header: &[&str]) -> Table {
     let mut table = Table::new();
     table.load_style(presets::NOTHING).set_header(header);
@@ -150,8 +152,8 @@ pub(super) fn seconds_of(run: &Planned, state: &RunState, costs: &CostModel) -> 
     }
 }
 
-/// How many of the finished runs were evaluated otherwise than is asked for now, for the end of a
-/// sentence.
+/// The end of a sentence: the number of finished runs that were evaluated in another way than is
+/// asked for now.
 pub(super) fn evaluated_otherwise(planned: &[Planned], states: &[RunState]) -> String {
     let otherwise = planned.iter().zip(states).filter(|(run, state)| {
         matches!(state, RunState::Finished(manifest) if !run.evaluated_otherwise(&manifest.stamp).is_empty())
@@ -164,7 +166,7 @@ pub(super) fn evaluated_otherwise(planned: &[Planned], states: &[RunState]) -> S
     }
 }
 
-/// A state in a word.
+/// The word for a state.
 pub(super) fn word(state: &RunState) -> &'static str {
     match state {
         RunState::ToDo => "to do",
@@ -179,7 +181,7 @@ pub(super) fn word(state: &RunState) -> &'static str {
     }
 }
 
-/// Why the run will or will not be run.
+/// The reason why the run will or will not be started.
 fn reason(run: &Planned, state: &RunState) -> String {
     let steps = |steps: u64| thousands(steps as f64);
     match state {

@@ -1,4 +1,4 @@
-//! Runs that are computed once more, to be compared with what is recorded of them.
+//! Runs that are computed once more, to be compared with their records.
 
 use std::{path::Path, time::Duration};
 
@@ -17,16 +17,16 @@ use crate::{
     },
 };
 
-/// The exit code of what is not as it is recorded.
+/// The exit code where a result differs from its record.
 pub const NOT_REPRODUCED: u8 = 4;
-/// A run that makes no progress for so long is killed.
+/// A run that makes no progress for this long is killed.
 const HANG_TIMEOUT: Duration = Duration::from_secs(600);
 
-/// Computes those of `planned` that `results` does not hold.
+/// Computes those of the `planned` runs that `results` does not hold.
 ///
 /// # Errors
 ///
-/// Whatever stands in the way of starting.
+/// The runs cannot be started.
 pub fn compute(
     planned: &[Planned],
     results: &Path,
@@ -38,7 +38,8 @@ pub fn compute(
     let pairs = planned.iter().zip(&states);
     let due: Vec<Planned> = pairs
         .filter(|(_, state)| !matches!(state, RunState::Finished(_)))
-        // Who computes it, and where, is not what is compared; a record of it may be published.
+        // The user and the machine are left out: they are not compared, and the record may be
+        // published.
         .map(|(run, _)| Planned {
             stamp: run.stamp.without_origin(),
             ..run.clone()
@@ -60,7 +61,8 @@ pub fn compute(
         .context("cannot find this program's own file")
 }
 
-/// Why this program on this machine is not held to the bits of a record, as part of a sentence.
+/// The reason why this program on this machine need not reproduce the bits of a record, as part of
+/// a sentence.
 pub enum Inexact {
     /// Another class of machine computed it, or more than one.
     Machine(String),
@@ -68,7 +70,8 @@ pub enum Inexact {
     Versions(String),
 }
 
-/// Why the run that `recorded` tells of cannot be held to its bits `now`; `None` where it can.
+/// The reason why the `recorded` run need not be reproduced bit by bit `now`; `None` where it must
+/// be.
 pub fn inexact(recorded: &Manifest, now: &Stamp) -> Option<Inexact> {
     let (before, after) = (&recorded.stamp.build, &now.build);
     if !recorded.is_of_one_class() {

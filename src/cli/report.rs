@@ -24,7 +24,7 @@ use crate::{
 /// The exit code of `--strict`.
 pub(super) const CONTRADICTED: u8 = 3;
 
-/// What to report.
+/// The arguments of `report`.
 #[derive(Debug, clap::Args)]
 pub struct ReportArguments {
     #[command(flatten)]
@@ -58,7 +58,7 @@ fn format() -> impl TypedValueParser<Value = Format> {
         .map(move |name| named(name).expect("the parser knows the names of formats alone"))
 }
 
-/// Reports what `arguments` say.
+/// Writes the reports, again and again with `--watch`.
 pub fn run(arguments: &ReportArguments) -> anyhow::Result<ExitCode> {
     let Chosen {
         only,
@@ -73,13 +73,15 @@ pub fn run(arguments: &ReportArguments) -> anyhow::Result<ExitCode> {
         set: set.clone(),
     };
     let experiments = arguments.chosen.load()?;
+    // A format that is asked for twice is written once.
     let formats: BTreeSet<Format> = arguments.export.iter().copied().collect();
     let formats: Vec<Format> = formats.into_iter().collect();
     let mut shown = Shown::Whole;
     let is_contradicted = loop {
+        // Looking before the report is made ensures that later records lead to another report.
         let seen = arguments.watch.map(|_| recorded(&experiments, results));
         let told = match told(&experiments, results, &scope, shown) {
-            // There may be something later.
+            // With `--watch`, something may be recorded later.
             Err(nothing) if arguments.watch.is_some() && nothing.is::<Nothing>() => Told {
                 open: 1,
                 is_contradicted: false,
@@ -102,18 +104,18 @@ pub fn run(arguments: &ReportArguments) -> anyhow::Result<ExitCode> {
     })
 }
 
-/// What is shown of a report on stdout.
+/// How much of a report is shown on stdout.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Shown {
     /// The first table, the claims, and the files.
     Whole,
-    /// How far it is, and what contradicts.
+    /// The progress, and the values and claims that contradict.
     State,
-    /// What contradicts alone.
+    /// Only the values and claims that contradict.
     Contradictions,
 }
 
-/// What became of the reports of several experiments.
+/// The outcome of the reports of several experiments.
 struct Told {
     /// Whether a value is better or worse than the paper's, or a claim contradicted.
     is_contradicted: bool,
@@ -121,17 +123,17 @@ struct Told {
     open: usize,
 }
 
-/// There is nothing to report of any experiment; why, a line each.
+/// There is nothing to report of any experiment; the reasons, one per line.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 struct Nothing(String);
 
-/// Writes the figures and tables of `experiments`, as far as `scope` goes, from what is recorded
-/// under `results`; shows each one's first table and its claims on stdout, and names what
-/// contradicts the paper in any of them, and the files; `quiet`, only what contradicts. An
-/// experiment of which there is nothing to report is named; that is an error where it is so of all.
+/// Writes the figures and tables of `experiments`, within `scope`, from the records under
+/// `results`. Shows each one's first table and claims on stdout, then whatever contradicts the
+/// paper, and the files; with `quiet`, only what contradicts. Names each experiment without
+/// anything to report, and fails where none has anything.
 ///
-/// Tells whether a value is better or worse than the paper's, or a claim contradicted.
+/// Returns whether a value is better or worse than the paper's, or a claim contradicted.
 pub fn write(
     experiments: &[ExperimentSpec],
     results: &Path,
@@ -163,6 +165,8 @@ fn told(
         let name = &experiment.name;
         let written = match report::write(experiment, results, scope) {
             Err(error @ (ReportError::NothingRecorded { .. } | ReportError::NoneMatch { .. })) => {
+                // Records may still appear, but a selection that matches no run will never match
+                // any.
                 all.open += usize::from(matches!(error, ReportError::NothingRecorded { .. }));
                 without.push(error.to_string());
                 continue;
@@ -197,7 +201,7 @@ fn told(
     Ok(all)
 }
 
-/// Everything that is shown of one report.
+/// The text on stdout for one report, in full.
 fn whole(name: &str, written: &Written, contradictions: &str) -> String {
     let table = written.tables.first();
     let table = table.map_or_else(String::new, |table| {
@@ -218,8 +222,8 @@ fn whole(name: &str, written: &Written, contradictions: &str) -> String {
     )
 }
 
-/// The manifests and checkpoints of `experiments`, with their times and sizes: what a report is
-/// made of.
+/// The manifests and checkpoints of `experiments`, with their times and sizes. A report has to be
+/// made anew where these change.
 fn recorded(
     experiments: &[ExperimentSpec],
     results: &Path,
@@ -248,7 +252,7 @@ fn recorded(
     found
 }
 
-/// Writes what is recorded of `experiments` for other programs, and names the files.
+/// Writes the records of `experiments` for other programs, and prints the names of the files.
 fn export(
     experiments: &[ExperimentSpec],
     results: &Path,
@@ -257,7 +261,7 @@ fn export(
 ) -> anyhow::Result<()> {
     for experiment in experiments.iter().filter(|_| !formats.is_empty()) {
         match report::export::export(experiment, results, scope, formats) {
-            // Which were named when the report was written.
+            // These were named when the report was written.
             Err(ReportError::NothingRecorded { .. } | ReportError::NoneMatch { .. }) => {}
             files => print(
                 &files?
@@ -270,13 +274,13 @@ fn export(
     Ok(())
 }
 
-/// How wide the terminal is; `COLUMNS` says it where stdout is none.
+/// The width of the terminal; that of `COLUMNS` where stdout is not a terminal.
 pub(super) fn terminal_width() -> Option<usize> {
     let said = || std::env::var("COLUMNS").ok()?.parse().ok();
     Table::new().width().map(usize::from).or_else(said)
 }
 
-/// A line where `row` contradicts its claim.
+/// A line for `row` if it contradicts its claim.
 fn contradicted(row: &ClaimRow) -> Option<String> {
     let is_contradicted = row.verdict == ClaimVerdict::Contradicted;
     is_contradicted.then(|| {
@@ -288,7 +292,7 @@ fn contradicted(row: &ClaimRow) -> Option<String> {
     })
 }
 
-/// The values of `table` that are better or worse than the paper's, a line each.
+/// The values of `table` that are better or worse than the paper's, one per line.
 fn contradictions(table: &TableData) -> String {
     let cells = table.rows.iter().flat_map(|row| {
         let named = table.columns.iter().zip(&row.cells);

@@ -22,7 +22,7 @@ use crate::{
     schedule::{preflight, stop::INTERRUPTED},
 };
 
-/// Whose run.
+/// The arguments of `reproduce`.
 #[derive(Debug, clap::Args)]
 pub struct ReproduceArguments {
     /// A run's folder, or any result file: *.parquet and *.safetensors are compared alone, the
@@ -51,7 +51,8 @@ pub fn run(arguments: &ReproduceArguments) -> anyhow::Result<ExitCode> {
             path.display()
         )
     })?;
-    // A relative path starts where the run was planned; in a record without that folder, here.
+    // A relative path starts in the folder where the run was planned, or here if the record does
+    // not name it.
     let beside = RunPaths::results_of(path, &spec.experiment, &spec.id);
     let folder = stamp
         .origin
@@ -66,6 +67,7 @@ pub fn run(arguments: &ReproduceArguments) -> anyhow::Result<ExitCode> {
     let [run] = &planned[..] else {
         unreachable!("one specification is one run")
     };
+    // The demonstration's file may have changed since the run was recorded.
     let differences = run.differences(&stamp);
     if !differences.is_empty() {
         let file = run
@@ -84,6 +86,7 @@ pub fn run(arguments: &ReproduceArguments) -> anyhow::Result<ExitCode> {
     if summary.interrupted {
         return Ok(ExitCode::from(INTERRUPTED));
     }
+    // A file that lies alone has no manifest, only its stamp.
     let whole = manifest.unwrap_or_else(|| Manifest::new(stamp));
     let (exactness, how) = match inexact(&whole, &run.stamp) {
         None => (Exactness::Bits, "to the bit".to_owned()),
@@ -113,7 +116,7 @@ pub fn run(arguments: &ReproduceArguments) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::from(code))
 }
 
-/// The difference between `path`, a file or folder of a run, and its like in `computed`.
+/// The difference between `path`, a file or folder of a run, and its counterpart in `computed`.
 fn compared(
     path: &Path,
     computed: &Path,
@@ -122,7 +125,7 @@ fn compared(
     Ok(
         match path.extension().and_then(|extension| extension.to_str()) {
             Some("parquet") => {
-                // The file may have been renamed, but its columns say which it is.
+                // The file may have been renamed, but its columns show which table it is.
                 let table = if rows::read_progress(path).is_ok() {
                     RunPaths::progress
                 } else {

@@ -20,7 +20,7 @@ use crate::{
     },
 };
 
-/// How to run.
+/// The arguments of `run`.
 #[derive(Debug, clap::Args)]
 pub struct RunArguments {
     #[command(flatten)]
@@ -64,7 +64,7 @@ pub struct RunArguments {
     verbose: bool,
 }
 
-/// Runs what is missing, then writes the reports.
+/// Runs the missing runs, then writes the reports.
 pub fn run(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
     let chosen = &arguments.chosen;
     let specs = chosen.load()?;
@@ -129,11 +129,12 @@ pub fn run(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
         progress.say(&farewell(planned.len(), due.len(), &summary));
         summary
     };
-    // A stop that came when everything had its end is none.
+    // A stop that came after everything had ended does not count.
     if summary.interrupted && summary.left > 0 {
         return Ok(ExitCode::from(INTERRUPTED));
     }
     let all_is_well = summary.failed.is_empty() && summary.left == 0;
+    // Other machines run the other parts, so there is no whole report to write yet.
     if arguments.shard.is_some() {
         return Ok(if all_is_well {
             ExitCode::SUCCESS
@@ -141,7 +142,8 @@ pub fn run(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
             ExitCode::FAILURE
         });
     }
-    // Of the whole file: `--only` says what to run, not what to forget of what has run before.
+    // The report covers the whole file: `--only` selects what to run, and earlier runs still belong
+    // to it.
     let scope = Scope {
         axis: chosen.axis.clone(),
         set: chosen.set.clone(),
@@ -159,7 +161,7 @@ pub fn run(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::FAILURE)
 }
 
-/// The first screen: what will be run, and where its results go.
+/// The first screen: the runs to start, and the place of their results.
 fn greeting(
     planned: &[Planned],
     due: &[Planned],
@@ -194,7 +196,7 @@ fn greeting(
     )
 }
 
-/// The last line: what became of it.
+/// The last line: how the runs ended.
 fn farewell(planned: usize, due: usize, summary: &Summary) -> String {
     let finished = planned - due + summary.finished;
     let failed = summary.failed.len();

@@ -10,7 +10,7 @@ use anyhow::{Context, bail};
 use super::{demo::counted, named, print};
 use crate::record::{Demonstrated, Manifest, Outcome, RunPaths, Stamp, policy, rows};
 
-/// Which file.
+/// The arguments of `show`.
 #[derive(Debug, clap::Args)]
 pub struct ShowArguments {
     /// A result file: *.parquet, *.safetensors, run.json, or anything in a run's folder
@@ -25,8 +25,8 @@ pub fn run(arguments: &ShowArguments) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Where a result file or a run's folder comes from, with the manifest of its run where that is
-/// beside it.
+/// The provenance of a result file or a run's folder, with the manifest of its run where there is
+/// one beside it.
 ///
 /// # Errors
 ///
@@ -40,7 +40,7 @@ pub(super) fn provenance(path: &Path) -> anyhow::Result<(Stamp, Option<Manifest>
     if !path.exists() {
         bail!("there is no file {}", path.display());
     }
-    // What lies in `policies/` belongs to the run above.
+    // Files in `policies/` belong to the run in the folder above.
     let manifests =
         [folder, &folder.join("..")].map(|folder| Manifest::read(&RunPaths::manifest(folder)));
     let manifest = manifests
@@ -59,7 +59,7 @@ pub(super) fn provenance(path: &Path) -> anyhow::Result<(Stamp, Option<Manifest>
             path.display()
         )
     })?;
-    // A policy does not name its caller; its run does.
+    // A policy does not record who started the run; the run's manifest does.
     let of_this_run = beside.filter(|beside| beside.fingerprint == stamp.fingerprint);
     let stamp = Stamp {
         origin: stamp
@@ -72,7 +72,7 @@ pub(super) fn provenance(path: &Path) -> anyhow::Result<(Stamp, Option<Manifest>
     Ok((stamp, manifest))
 }
 
-/// `1 episode, 300 steps, return 974.4220`.
+/// The contents of a demonstration, as `1 episode, 300 steps, return 974.4220`.
 fn held(demonstrated: &Demonstrated) -> String {
     let mean_return = match demonstrated.mean_return {
         Some(mean_return) if demonstrated.episodes == 1 => format!("return {mean_return:.4}"),
@@ -86,7 +86,7 @@ fn held(demonstrated: &Demonstrated) -> String {
     format!("{episodes}, {steps}, {mean_return}")
 }
 
-/// A word of a command line as a shell reads it.
+/// A word of a command line, quoted for a shell where it needs to be.
 fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=,:+@%".contains(c);
     if !word.is_empty() && word.chars().all(plain) {
@@ -98,6 +98,7 @@ fn quoted(word: &str) -> String {
 
 fn render(path: &Path, stamp: &Stamp, manifest: Option<&Manifest>) -> anyhow::Result<String> {
     let mut rows = vec![("file", path.display().to_string())];
+    // Keys are looked up one by one, since the specification may be of another version.
     for key in ["experiment", "id", "env"] {
         if let Some(value) = stamp.spec.get(key).and_then(serde_json::Value::as_str) {
             rows.push((key, value.to_owned()));

@@ -34,7 +34,8 @@ pub fn run(chosen: &Chosen) -> anyhow::Result<ExitCode> {
         .iter()
         .map(Planned::state)
         .collect::<Result<Vec<_>, _>>()?;
-    // The files are the truth: without Slurm's word there is less to say, and no less to believe.
+    // The files are authoritative: without an answer from Slurm there is less to show, but all of
+    // it is right.
     let cluster = match in_cluster(&specs, &chosen.results, &planned, &states) {
         Ok(cluster) => cluster,
         Err(error) => {
@@ -53,7 +54,7 @@ pub fn run(chosen: &Chosen) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Where in a cluster the runs are that have not finished, by experiment and id.
+/// The places in a cluster of the runs that have not finished, by experiment and id.
 fn in_cluster(
     specs: &[ExperimentSpec],
     results: &Path,
@@ -81,8 +82,8 @@ fn in_cluster(
     Ok(cluster)
 }
 
-/// What the cluster adds to what the files say of a run that has not finished: another word for its
-/// state, and more to tell.
+/// The cluster's additions to what the files say about an unfinished run: another word for its
+/// state, and more detail.
 fn placed(state: &RunState, place: &Place) -> (Option<&'static str>, String) {
     match (state, place.fate()) {
         (RunState::Running(_), _) | (_, Fate::Unsent) => (None, String::new()),
@@ -91,7 +92,7 @@ fn placed(state: &RunState, place: &Place) -> (Option<&'static str>, String) {
             Some("queued"),
             format!("its element is under way on {nodes}"),
         ),
-        // Their own files say more than Slurm does.
+        // The run's own files say more than Slurm does.
         (RunState::Failed(_), _) => (None, String::new()),
         (_, Fate::Cancelled) => (Some("cancelled"), String::new()),
         (RunState::ToDo, Fate::Ended(how)) => {
@@ -106,21 +107,21 @@ fn placed(state: &RunState, place: &Place) -> (Option<&'static str>, String) {
     }
 }
 
-/// How far a campaign is.
+/// The progress of a campaign.
 struct Survey {
-    /// The runs of which there is more to say than that they have finished or are to do.
+    /// A line for each run that is neither finished nor simply still to do.
     lines: Vec<Line>,
-    /// How many runs are in each state.
+    /// The number of runs in each state.
     counts: BTreeMap<&'static str, usize>,
-    /// How many are being worked on now.
+    /// The number of runs that a process works on now.
     running: usize,
-    /// Work that is left, in expected seconds of one process.
+    /// The work that is left, in expected seconds of one process.
     left: f64,
-    /// How many of those seconds the running processes do in a second.
+    /// The speed of the running processes: expected seconds of work per second.
     rate: f64,
 }
 
-/// What there is to say of one run.
+/// The line of one run.
 struct Line {
     name: String,
     state: &'static str,
@@ -128,8 +129,8 @@ struct Line {
 }
 
 impl Survey {
-    /// How far the runs `planned` are, which are in these `states`; `cluster` tells more of some
-    /// that have not finished.
+    /// Surveys the `planned` runs, which are in these `states`. `cluster` knows more about some of
+    /// the unfinished ones.
     fn new(
         planned: &[Planned],
         states: &[RunState],
@@ -158,6 +159,7 @@ impl Survey {
                 place.map_or((None, String::new()), |place| placed(state, place));
             let word = other_word.unwrap_or(word(state));
             *survey.counts.entry(word).or_default() += 1;
+            // A run recorded under another specification is refused, so it is no work.
             if !matches!(state, RunState::Finished(_) | RunState::Differs { .. }) {
                 survey.left += seconds_of(run, state, &costs);
             }
@@ -167,13 +169,13 @@ impl Survey {
                     costs.seconds(&run.spec),
                     run.spec.trained_steps().max(1) as f64,
                 );
-                // Before its first iteration it is taken to be as fast as expected.
+                // Before its first iteration, a run is assumed to be as fast as expected.
                 let rate = heartbeat
                     .as_ref()
                     .map(|heartbeat| heartbeat.steps_per_second * seconds / steps);
                 survey.rate += rate.unwrap_or(1.0);
             }
-            // What is to do and waits nowhere is only counted.
+            // A run that is to do and is not in the cluster is only counted.
             let is_told = !matches!(state, RunState::ToDo) || other_word.is_some();
             if let Some(detail) = detail(run, state).filter(|_| is_told) {
                 let parts = [detail, more].into_iter().filter(|text| !text.is_empty());
@@ -188,8 +190,8 @@ impl Survey {
         survey
     }
 
-    /// The lines as a table, how many runs are in each state, and the time left; `otherwise` ends
-    /// the last line.
+    /// The lines as a table, then the number of runs in each state and the time left. `otherwise`
+    /// ends the last line.
     fn render(&self, otherwise: &str) -> String {
         let mut lines = table(&["run", "state", ""]);
         for Line {
@@ -227,7 +229,7 @@ impl Survey {
     }
 }
 
-/// What the files say of a run in `state`; `None` of one that has finished.
+/// The details of a run in `state`, from its files; `None` for one that has finished.
 fn detail(run: &Planned, state: &RunState) -> Option<String> {
     let steps = thousands(run.spec.trained_steps() as f64);
     Some(match state {
@@ -269,7 +271,7 @@ fn detail(run: &Planned, state: &RunState) -> Option<String> {
     })
 }
 
-/// On which machine a run is worked on, where that is told.
+/// The machine that works on a run, where that is recorded.
 fn worked_on(run: &Planned) -> String {
     let owner = Claim::owner(&run.paths).ok().flatten();
     owner.map_or_else(String::new, |owner| format!(", on {}", owner.host))

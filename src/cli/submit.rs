@@ -28,14 +28,14 @@ use crate::{
     spec::{ExperimentSpec, Memory, Name, SbatchOption, Slurm, Time},
 };
 
-/// What runs jobs beyond one machine.
+/// A system that runs jobs beyond one machine.
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
 enum Engine {
     /// Slurm, by `sbatch`
     Slurm,
 }
 
-/// What to submit, and what to ask the cluster for.
+/// The arguments of `submit`.
 #[derive(Debug, clap::Args)]
 pub struct SubmitArguments {
     #[command(flatten)]
@@ -82,13 +82,14 @@ pub struct SubmitArguments {
     dry_run: bool,
 }
 
-/// Submits what is missing of every experiment.
+/// Submits the missing runs of every experiment.
 pub fn run(arguments: &SubmitArguments) -> anyhow::Result<ExitCode> {
     let Engine::Slurm = arguments.engine;
     let chosen = &arguments.chosen;
     let files = chosen.load_files()?;
     let specs: Vec<ExperimentSpec> = files.iter().map(|(_, spec)| spec.clone()).collect();
     let planned = chosen.planned(&specs)?;
+    // A dry run must not set anything aside, as `prepare` may.
     let states = match arguments.dry_run {
         true => planned
             .iter()
@@ -106,7 +107,7 @@ pub fn run(arguments: &SubmitArguments) -> anyhow::Result<ExitCode> {
             costs.learn(&run.spec, manifest);
         }
     }
-    // Nodes know nothing of the folder in which this was called.
+    // The path is made absolute, since nodes do not know the folder in which this was called.
     let results =
         std::path::absolute(&chosen.results).context("cannot tell where the results are")?;
     if results.as_os_str().as_encoded_bytes().contains(&b'\\') {
@@ -131,21 +132,21 @@ pub fn run(arguments: &SubmitArguments) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// What is submitted together.
+/// The experiment of one submission.
 struct Experiment<'a> {
     arguments: &'a SubmitArguments,
-    /// Its file.
+    /// The matrix file.
     path: &'a Path,
     spec: &'a ExperimentSpec,
-    /// The folder of all results, from the root.
+    /// The folder of all results, as an absolute path.
     results: &'a Path,
-    /// The folder where relative paths start.
+    /// The folder in which relative paths start.
     folder: &'a Path,
 }
 
 impl Experiment<'_> {
-    /// Submits those of `runs` that have not finished, that nobody works on and that the cluster
-    /// has not got.
+    /// Submits those of `runs` that have not finished, that no process works on and that the
+    /// cluster does not have yet.
     fn submit(&self, runs: &[(&Planned, &RunState)], costs: &CostModel) -> anyhow::Result<()> {
         let name = &self.spec.name;
         let open = runs
@@ -154,6 +155,7 @@ impl Experiment<'_> {
         let mut due: Vec<(&Planned, &RunState)> = open.copied().collect();
         let plans: Vec<&Planned> = due.iter().map(|(run, _)| *run).collect();
         let places = places(self.results, name, &plans)?;
+        // Runs that the cluster already has must not be submitted twice.
         due.retain(|(run, _)| {
             !places
                 .get(&run.spec.id)
@@ -198,7 +200,7 @@ impl Experiment<'_> {
         self.send(&request, &chunks, &elements)
     }
 
-    /// What the file asks for, under what the command line does.
+    /// The request to the cluster: that of the command line, and where it is silent the file's.
     fn request(&self) -> Request {
         let Slurm {
             partition,
@@ -272,7 +274,7 @@ impl Experiment<'_> {
             .unwrap_or(1)
     }
 
-    /// The arguments of the report.
+    /// The command-line arguments that write the report.
     fn report(&self) -> Vec<OsString> {
         let mut report: Vec<OsString> = vec!["--results".into(), self.results.into()];
         for (option, values) in [
@@ -298,6 +300,8 @@ impl Experiment<'_> {
     ) -> anyhow::Result<()> {
         let (name, arguments) = (&self.spec.name, self.arguments);
         let folder = self.make_folder()?;
+        // The program and the plan are frozen first, since elements may start as soon as they are
+        // sent.
         let program = program::frozen(self.results)?;
         Submission::new(
             name,
@@ -323,6 +327,8 @@ impl Experiment<'_> {
                         elements.len()
                     )
                 })?;
+            // Each array is noted as soon as it is sent, so that the same command can send the rest
+            // after a failure.
             Asked::Array {
                 job: job.clone(),
                 first: chunk.first,
@@ -343,7 +349,7 @@ impl Experiment<'_> {
         ))
     }
 
-    /// A folder of its own for a submission.
+    /// Creates a new folder for a submission.
     fn make_folder(&self) -> anyhow::Result<PathBuf> {
         let all = Submission::all(self.results, &self.spec.name)?;
         let folder = all.join(now().replace(['-', ':'], ""));
@@ -357,7 +363,7 @@ impl Experiment<'_> {
             match fs::create_dir(&folder) {
                 Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {}
                 made => {
-                    // Slurm starts no program whose log has no folder.
+                    // Slurm does not start a program if the folder of its log is missing.
                     made.and_then(|()| fs::create_dir(folder.join("log")))
                         .with_context(|| format!("cannot create {}", folder.display()))?;
                     return Ok(folder);
@@ -407,5 +413,5 @@ impl Experiment<'_> {
     }
 }
 
-/// Seconds before its limit at which an element leaves, where nothing else is said.
+/// The default number of seconds before its time limit at which an element stops.
 const GRACE: u64 = 120;

@@ -23,7 +23,7 @@ use crate::{
     schedule::{state::Planned, stop::INTERRUPTED},
 };
 
-/// What to run, and what to compare it with.
+/// The arguments of `verify`.
 #[derive(Debug, clap::Args)]
 pub struct VerifyArguments {
     /// A matrix file
@@ -54,7 +54,7 @@ pub struct VerifyArguments {
     quiet: bool,
 }
 
-/// Runs the matrix, and compares with the record, or makes it.
+/// Runs the matrix, and compares it with the record or writes the record.
 pub fn run(arguments: &VerifyArguments) -> anyhow::Result<ExitCode> {
     let against = &arguments.against;
     if arguments.record && against.exists() {
@@ -112,6 +112,7 @@ pub fn run(arguments: &VerifyArguments) -> anyhow::Result<ExitCode> {
         }
     }
     let differ = lines.len();
+    // With `--only`, records of other runs are expected.
     if arguments.only.is_empty() {
         let known: BTreeSet<&str> = planned.iter().map(|run| run.spec.id.as_str()).collect();
         let more = recorded_ids(&against.join("runs"), "")?;
@@ -144,9 +145,9 @@ pub fn run(arguments: &VerifyArguments) -> anyhow::Result<ExitCode> {
     })
 }
 
-/// In what `run` differs from what the folder `recorded` holds of it. Why the bits of a run cannot
-/// be compared is added to `elsewhere`; where they must be, that it was made by other versions is a
-/// difference.
+/// The difference between `run` and its record in the folder `recorded`. Where the bits of a run
+/// cannot be compared, the reason is added to `elsewhere`. Where they must be compared, a record
+/// made by other versions is a difference.
 ///
 /// # Errors
 ///
@@ -178,6 +179,7 @@ fn difference(
         }
         (before, now) => return Ok(Some(format!("recorded as {before:?}, now {now:?}"))),
     }
+    // The record's own files are checked first, so that damage is not reported as a difference.
     before.check_tables(recorded)?;
     let exactness = match inexact(&before, &now.stamp) {
         None => Exactness::Bits,
@@ -200,7 +202,7 @@ fn recorded_ids(folder: &Path, prefix: &str) -> anyhow::Result<Vec<String>> {
         fs::read_dir(folder).with_context(|| format!("cannot read {}", folder.display()))?;
     for entry in entries {
         let entry = entry.with_context(|| format!("cannot read {}", folder.display()))?;
-        // Not through links, which may lead in a circle.
+        // Links are not followed, since they may lead in a circle.
         if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
             let id = format!("{prefix}{}", entry.file_name().to_string_lossy());
             let is_run = RunPaths::manifest(&entry.path()).exists();

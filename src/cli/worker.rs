@@ -12,7 +12,7 @@ use crate::schedule::{
     worker,
 };
 
-/// Where the job is.
+/// The arguments of `worker`.
 #[derive(Debug, clap::Args)]
 pub struct WorkerArguments {
     /// A frozen plan; without it, the job is on stdin
@@ -23,7 +23,7 @@ pub struct WorkerArguments {
     index: Option<usize>,
 }
 
-/// Does the job.
+/// Does the job that stdin or the frozen plan holds.
 pub fn run(arguments: &WorkerArguments) -> anyhow::Result<ExitCode> {
     let Some((plan, index)) = arguments.manifest.as_deref().zip(arguments.index) else {
         return Ok(worker::run());
@@ -44,8 +44,8 @@ pub fn run(arguments: &WorkerArguments) -> anyhow::Result<ExitCode> {
     })
 }
 
-/// Has the cluster start this element again, whose time is nearly up: with runs that came no
-/// farther that would go on for ever.
+/// Has the cluster start this element again because its time is nearly up. It does so only if some
+/// run made progress, since it would otherwise repeat for ever.
 fn resume_later(ended: &Ended) {
     let variable = |name| env::var(name).ok();
     let Some((job, index)) = variable("SLURM_ARRAY_JOB_ID").zip(variable("SLURM_ARRAY_TASK_ID"))

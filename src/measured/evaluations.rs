@@ -1,4 +1,4 @@
-//! `evaluations.parquet`: one row an evaluation episode.
+//! `evaluations.parquet`: one row per evaluation episode.
 
 use serde::{Deserialize, Serialize};
 

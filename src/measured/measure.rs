@@ -1,10 +1,10 @@
-//! What a curve or a claim is of.
+//! The quantity that a curve draws or a claim compares.
 
 use std::fmt;
 
 use super::{Column, Iteration, evaluations, progress};
 
-/// A number that a run has over its steps: what a figure draws, and what a claim compares.
+/// A number that a run has over its steps, which a figure can draw and a claim can compare.
 #[derive(Debug, Clone, Copy)]
 pub enum Measure {
     /// The mean dense return of each evaluation's episodes.
@@ -25,7 +25,7 @@ pub enum UnknownMeasure {
 }
 
 impl Measure {
-    /// What a matrix file calls the return of evaluations.
+    /// The name of the return of evaluations in a matrix file.
     pub const RETURN: &'static str = "return";
 
     /// The measure that a matrix file calls `name`.
@@ -60,7 +60,7 @@ impl Measure {
         }
     }
 
-    /// What a figure's axis calls it, with its unit.
+    /// Its label on a figure's axis, with its unit.
     pub fn label(self) -> String {
         match self {
             Self::Return => evaluations::DENSE_RETURN.label(),

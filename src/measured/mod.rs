@@ -1,4 +1,4 @@
-//! What training measures: the rows of a run, and the catalogue of their columns.
+//! The measurements of training: the rows of a run, and the catalogue of their columns.
 //!
 //! Owns the rows ([`Iteration`], [`EvaluationEpisode`]) and, for each of their columns, its name,
 //! unit, meaning, kind and role, and how it is read from a row and put into one. Whoever writes,
@@ -18,25 +18,25 @@ pub use progress::Iteration;
 pub struct Column<R> {
     /// Its name in the Parquet file.
     pub name: &'static str,
-    /// What a matrix file and an export call it, where that is not its name in the Parquet file,
-    /// which a run's key may have.
+    /// Its name in a matrix file and in an export, where that differs from the name in the Parquet
+    /// file because a run's key may have the latter.
     pub alias: Option<&'static str>,
-    /// What a figure's axis calls it; its name in words where empty.
+    /// Its label on a figure's axis; empty where its name in words will do.
     pub words: &'static str,
     /// Its unit; empty for a count or a ratio.
     pub unit: &'static str,
-    /// What it says, as a sentence without its full stop.
+    /// Its meaning, as a sentence without the full stop.
     pub meaning: &'static str,
-    /// What it is in its row.
+    /// Its role in the row.
     pub role: Role,
     /// How its cells are read and written.
     pub cell: Cell<R>,
 }
 
-/// What a column is in its row.
+/// The role of a column in its row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
-    /// It says of which run the row is.
+    /// It says which run the row belongs to.
     Key,
     /// It says where the row stands in its run.
     Position,
@@ -68,19 +68,19 @@ pub enum Cell<R> {
 /// The field of a row that a column holds.
 #[derive(Debug)]
 pub struct Field<R, T> {
-    /// Reads it.
+    /// Reads the field.
     pub get: fn(&R) -> T,
-    /// Replaces it.
+    /// Sets the field.
     pub set: fn(&mut R, T),
 }
 
 impl<R> Column<R> {
-    /// What a matrix file and an export call it.
+    /// Its name in a matrix file and in an export.
     pub fn called(&self) -> &'static str {
         self.alias.unwrap_or(self.name)
     }
 
-    /// What a figure's axis calls it, with its unit: `KL of the update (nats)`.
+    /// Its label on a figure's axis, with its unit: `KL of the update (nats)`.
     pub fn label(&self) -> String {
         let words = if self.words.is_empty() {
             self.name.replace('_', " ")
@@ -114,8 +114,8 @@ impl<R> Column<R> {
     }
 }
 
-/// The catalogue of one kind of row: each column as a static of its own, by which other modules
-/// name it, and all of them in the file's order.
+/// The catalogue of one kind of row: each column as a static of its own, which other modules refer
+/// to, and the list of all of them in the file's order.
 ///
 /// A line is `STATIC "name" ["alias"] Kind = field.of.the.row, Role, "words", "unit", "meaning";`.
 macro_rules! columns {
@@ -137,7 +137,7 @@ macro_rules! columns {
             };
         )*
 
-        /// All of them, in the order of the file.
+        /// All columns, in the order of the file.
         pub static COLUMNS: &[&Column<$row>] = &[$(&$id),*];
     };
     (@ $alias:literal) => { Some($alias) };
@@ -145,7 +145,7 @@ macro_rules! columns {
 }
 pub(crate) use columns;
 
-/// Whether a column called `name`, of either table, holds what a clock measured.
+/// Whether the column `name`, of either table, holds measurements of a clock.
 pub fn is_of_clock(name: &str) -> bool {
     fn within<R>(columns: &[&Column<R>], name: &str) -> bool {
         columns

@@ -1,4 +1,4 @@
-//! `progress.parquet`: one row an iteration.
+//! `progress.parquet`: one row per iteration.
 
 use serde::{Deserialize, Serialize};
 
@@ -20,7 +20,7 @@ pub struct Iteration {
     pub training_return: Option<f64>,
     /// [`EPISODE_LENGTH`].
     pub episode_length: Option<f64>,
-    /// What the update did.
+    /// The measurements of the update.
     pub update: Update,
     /// [`PHYSICS_SECONDS`].
     pub physics_seconds: f64,
@@ -31,7 +31,7 @@ pub struct Iteration {
 }
 
 impl Iteration {
-    /// What was learned before the first step in an environment.
+    /// A row for an update before the first step in an environment.
     pub fn before_any(update: Update) -> Self {
         Self {
             update,

@@ -1,6 +1,6 @@
 //! Counts and steps in words.
 
-/// `1 seed`, `3 seeds`.
+/// A count with its noun in the right number: `1 seed`, `3 seeds`.
 pub fn count(number: usize, what: &str) -> String {
     if number == 1 {
         format!("1 {what}")
@@ -9,7 +9,7 @@ pub fn count(number: usize, what: &str) -> String {
     }
 }
 
-/// Environment steps in few characters: `500`, `20k`, `1.5M`.
+/// A number of environment steps in few characters: `500`, `20k`, `1.5M`.
 pub fn steps(steps: u64) -> String {
     match steps {
         0..1_000 => steps.to_string(),
@@ -18,7 +18,7 @@ pub fn steps(steps: u64) -> String {
     }
 }
 
-/// At most two decimals.
+/// `number` with at most two decimals.
 fn round(number: f64) -> f64 {
     (number * 100.0).round() / 100.0
 }

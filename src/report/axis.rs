@@ -23,8 +23,8 @@ pub struct Group<'a> {
 
 /// Groups `runs` by the values of `keys`, in the order in which the groups first appear.
 ///
-/// A default that is another in each environment, as Table 2's `d`, counts as one value where
-/// groups go across environments.
+/// A default that differs between environments, such as Table 2's `d`, counts as one value where a
+/// group spans environments.
 pub fn group<'a>(runs: &[&'a Run], keys: &[Key]) -> Vec<Group<'a>> {
     let across = !keys.contains(&Key::Env);
     let by_env: Vec<bool> = keys
@@ -52,8 +52,8 @@ pub fn group<'a>(runs: &[&'a Run], keys: &[Key]) -> Vec<Group<'a>> {
     groups
 }
 
-/// Whether `key` has several defaults among `runs`, none of which was chosen where it is not the
-/// default.
+/// Whether `key` has several defaults among `runs` besides values that were chosen, none of which
+/// is a default itself.
 fn default_goes_by_environment(runs: &[&Run], key: &Key) -> bool {
     let (chosen, defaults): (Vec<&Run>, Vec<&Run>) =
         runs.iter().copied().partition(|run| run.departs_in(key));
@@ -69,11 +69,11 @@ fn default_goes_by_environment(runs: &[&Run], key: &Key) -> bool {
         && defaults.is_disjoint(&values(&chosen))
 }
 
-/// The axes, other than the seed and `keys`, in which runs differ that agree on `keys`.
+/// The axes, other than the seed and `keys`, in which runs with the same `keys` still differ.
 ///
 /// Runs that differ in more than their seed are never averaged: these axes have to become keys too.
-/// The algorithm is one wherever there are several, since the others alone would not name a group
-/// that does not have them.
+/// The algorithm is always among them where it varies, since another axis would not name a group of
+/// an algorithm without that axis.
 pub fn hidden_axes(runs: &[&Run], keys: &[Key]) -> Vec<Key> {
     let axes: BTreeSet<&String> = runs.iter().flat_map(|run| run.spec.axes.keys()).collect();
     let axes = axes.into_iter().filter_map(|name| Key::parse(name));
@@ -95,16 +95,16 @@ pub fn hidden_axes(runs: &[&Run], keys: &[Key]) -> Vec<Key> {
     hidden
 }
 
-/// What a column or a curve is called, and the values behind it.
+/// The name of a column or a curve, and the values behind it.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Label {
-    /// For readers.
+    /// The name as a reader sees it.
     pub text: String,
-    /// One a key, for programs; `None` where the runs do not have that axis.
+    /// The value of each key, for programs; `None` where the runs do not have that axis.
     pub values: Vec<Option<toml::Value>>,
 }
 
-/// One label a group, from those keys whose value tells the groups apart (`MCPO`, `d = 10⁻³, ε =
+/// One label per group, made of the keys whose values tell the groups apart (`MCPO`, `d = 10⁻³, ε =
 /// 0`).
 pub fn labels(keys: &[Key], groups: &[Group<'_>]) -> Vec<Label> {
     let tells_apart = |index: usize| {
@@ -144,7 +144,7 @@ pub fn labels(keys: &[Key], groups: &[Group<'_>]) -> Vec<Label> {
         .collect()
 }
 
-/// What to call the values of each group; those of one key in one notation.
+/// Labels for the values of each group; all values of one key are written in one notation.
 pub fn value_labels(groups: &[Group<'_>]) -> Vec<Vec<Option<String>>> {
     let keys = groups.first().map_or(0, |group| group.values.len());
     let notations: Vec<Notation> = (0..keys)
@@ -159,7 +159,7 @@ pub fn value_labels(groups: &[Group<'_>]) -> Vec<Vec<Option<String>>> {
     groups.iter().map(label).collect()
 }
 
-/// What to call axis `key`: the paper's symbol, or the last part of its path in words.
+/// The label of axis `key`: the paper's symbol, or the last part of its path in words.
 pub fn key_label(key: &Key) -> String {
     match key {
         Key::Env => "environment".to_owned(),
@@ -168,7 +168,7 @@ pub fn key_label(key: &Key) -> String {
     }
 }
 
-/// The same of a setting or hyperparameter.
+/// The label of a setting or hyperparameter, as [`key_label`] gives it for an axis.
 pub fn parameter_label(parameter: &Parameter) -> String {
     match parameter {
         Parameter::Shared(key) if key == "epsilon" => "ε".to_owned(),
@@ -177,8 +177,8 @@ pub fn parameter_label(parameter: &Parameter) -> String {
     }
 }
 
-/// What the runs of `selection` have in common: `ε = 0`, `MCPO or PPO, d = 10⁻³`, `not PPO, d ≠
-/// 10⁻³`.
+/// The common traits of the runs of `selection`, in words: `ε = 0`, `MCPO or PPO, d = 10⁻³`, `not
+/// PPO, d ≠ 10⁻³`.
 pub fn selection_label(selection: &Selection) -> String {
     let part = |(key, values): &(Key, Vec<toml::Value>), not: &str, sign: &str| {
         let notation = Notation::of(values);
@@ -202,7 +202,7 @@ pub fn paper_name(gym: &str) -> &str {
     gym.parse::<EnvId>().map_or(gym, |env| env.paper_name())
 }
 
-/// The same without its version, as the paper's text has it.
+/// The paper's name of the environment without its version, as the paper's text has it.
 pub fn paper_family(gym: &str) -> &str {
     let name = paper_name(gym);
     if gym.parse::<EnvId>().is_ok() {
@@ -216,14 +216,14 @@ pub fn paper_family(gym: &str) -> &str {
 /// beside `10⁻³`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Notation {
-    /// `0.1`, `15`.
+    /// Plain digits: `0.1`, `15`.
     Digits,
-    /// `10⁻³`, `2·10⁻³`; `1` and `2.5`, which have no power.
+    /// Powers of ten: `10⁻³`, `2·10⁻³`; `1` and `2.5`, which have no power.
     Powers,
 }
 
 impl Notation {
-    /// That of `values`: digits where they are few in all of them.
+    /// The notation for `values`: digits where all of them are short that way.
     pub fn of<'a>(values: impl IntoIterator<Item = &'a toml::Value>) -> Self {
         let few = |number: f64| number == 0.0 || (0.01..1e5).contains(&number.abs());
         let all = values
@@ -232,18 +232,19 @@ impl Notation {
         if all { Self::Digits } else { Self::Powers }
     }
 
-    /// What to call `value`: numbers in the shortest form that reads back.
+    /// The label of `value`; numbers are in the shortest form that reads back.
     pub fn label(self, value: &toml::Value) -> String {
         match value {
             toml::Value::Float(number) => self.number(*number),
             toml::Value::Integer(number) => number.to_string().replace('-', "−"),
             toml::Value::String(text) => kind_name(text),
-            // What has one value beside its kind, such as `{ fixed = 1.0 }`.
+            // A table with one value beside its kind, such as `{ fixed = 1.0 }`.
             toml::Value::Table(table) if table.len() == 1 => {
                 let (kind, value) = table.iter().next().expect("it has one");
                 format!("{} {}", kind_name(kind), self.label(value))
             }
-            // Several values by their names, such as `{ distance = 5.0, mode = "milestone" }`.
+            // A table of several values, each with its name, such as `{ distance = 5.0, mode =
+            // "milestone" }`.
             toml::Value::Table(table) => table
                 .iter()
                 .map(|(name, value)| format!("{name} {}", self.label(value)))
@@ -277,7 +278,7 @@ fn kind_name(kind: &str) -> String {
     }
 }
 
-/// The paper's spelling of an algorithm's name; the name itself where it is of no algorithm.
+/// The paper's spelling of an algorithm's name; any other name as it is.
 pub fn display_name(name: &str) -> &str {
     Algorithm::label(name).unwrap_or(name)
 }

@@ -18,19 +18,20 @@ use crate::{
     stats::{Interval, t_interval},
 };
 
-/// One row.
+/// One row of a table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row {
-    /// What the value of each row key is called; empty where the runs do not have that axis.
+    /// The label of each row key's value; empty where the runs do not have that axis.
     pub labels: Vec<String>,
     /// The value of each row key.
     pub values: Vec<Option<toml::Value>>,
     /// The return of the demonstration that the row's runs learned from, where the row is one
     /// environment.
     pub demo: Option<f64>,
-    /// The same in the paper, where the table is compared with one of the paper's.
+    /// The return of the paper's demonstration, where the table is compared with one of the
+    /// paper's.
     pub paper_demo: Option<f64>,
-    /// One a column; `None` where the matrix has no such run.
+    /// One per column; `None` where the matrix has no such run.
     pub cells: Vec<Option<Cell>>,
 }
 
@@ -50,11 +51,11 @@ pub struct Cell {
     pub best: Option<Best>,
     /// The paper's value.
     pub paper: Option<PaperValue>,
-    /// The parameters that are not the paper's, which keep its value away.
+    /// The parameters that differ from the paper's, because of which its value is not shown here.
     pub departures: BTreeSet<String>,
     /// Ours less the paper's, where they can be compared.
     pub comparison: Option<Comparison>,
-    /// What that means; `None` where there is nothing to compare.
+    /// The verdict of the comparison; `None` where there is nothing to compare.
     pub verdict: Option<Verdict>,
     /// Environment steps of the shortest run.
     pub env_steps: u64,
@@ -63,13 +64,13 @@ pub struct Cell {
 /// The paper's way of evaluating: the best seed's policy alone.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Best {
-    /// The seed.
+    /// The best seed.
     pub seed: u64,
     /// Mean dense return over its final episodes.
     pub mean: f64,
-    /// Sample standard deviation over them; NaN for one episode.
+    /// Sample standard deviation over these episodes; NaN for one episode.
     pub std: f64,
-    /// How many episodes.
+    /// Number of these episodes.
     pub episodes: usize,
 }
 
@@ -121,6 +122,7 @@ impl Cell {
             )),
             Some(_) => None,
         };
+        // Failed runs count a second time, at the random policy's return.
         let failed = runs
             .iter()
             .filter(|run| matches!(run.state, State::Failed { .. }))

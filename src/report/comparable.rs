@@ -2,31 +2,31 @@
 //!
 //! Owns that rule. Knows nothing of means or files. Start at [`changes`] and [`tell_apart`].
 //!
-//! A run that was recorded by another specification than the file's is left out, and what differs
-//! is told. Three things the file alone does not decide, and there runs are compared with each
-//! other, so that old results can be reported anywhere:
+//! A run that was recorded under another specification than the file's is left out, and the
+//! difference is reported. The file alone does not decide three things. There, runs are compared
+//! with each other, so that old results can be reported anywhere:
 //!
 //! - the **budget**: a run can be continued to a greater one, so a smaller campaign is reported
 //!   before it is. Where some runs of an environment have the file's budget, those with another are
-//!   left out; where all have one other, they stand, with a remark;
-//! - the **demonstration**'s content: of runs that learned from one path, those stand that learned
-//!   from what most did;
-//! - the **versions** of what computes numbers: of an algorithm's runs in an environment, those
-//!   stand that were computed by what most were.
+//!   left out; where all of them share one other budget, they are kept, with a remark;
+//! - the **demonstration**'s content: of the runs that learned from one path, those are kept whose
+//!   file had the most common content;
+//! - the **versions** of what computes numbers: of an algorithm's runs in an environment, those are
+//!   kept that the most common versions computed.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::recorded::{Recording, Run, State};
 use crate::plan::{self, RunSpec};
 
-/// What differs where a specification cannot be read.
+/// The reported difference where a specification cannot be read.
 pub const FORMAT: &str = "the specification's format";
 
 const BUDGET: &str = "budget.env_steps";
 
-/// What differs between a run as it was `recorded` and as it is `planned`, as `key: recorded ->
-/// planned`: the budget apart, and where that differs the evaluations too, whose distance follows
-/// it.
+/// The differences between a run as it was `recorded` and as it is `planned`, as `key: recorded ->
+/// planned`. The budget does not count. Where it differs, the evaluations do not count either,
+/// since their distance follows from it.
 pub fn changes(recorded: &RunSpec, planned: &RunSpec) -> Vec<String> {
     let another_budget = recorded.budget != planned.budget;
     let counts = |change: &String| {
@@ -51,8 +51,8 @@ pub fn key(change: &str) -> &str {
     change.split(": ").next().unwrap_or(change)
 }
 
-/// Marks those of `runs` (one a planned run) that may not stand beside the others, and gives
-/// remarks on those that do.
+/// Marks those of `runs` (one per planned run) that may not stand beside the others, and returns
+/// remarks on those that may.
 pub fn tell_apart(plan: &[RunSpec], runs: &mut [Run]) -> Vec<String> {
     let mut remarks = budgets(plan, runs);
     most_common(
@@ -85,8 +85,8 @@ pub fn tell_apart(plan: &[RunSpec], runs: &mut [Run]) -> Vec<String> {
     remarks
 }
 
-/// Lets go of what runs under way have come to where it may not stand beside the first run of their
-/// environment and algorithm that is drawn, a finished one if there is any.
+/// Drops the progress of each run under way that may not stand beside the first drawn run of its
+/// environment and algorithm, which is a finished one if there is any.
 fn under_way(runs: &mut [Run]) -> Option<String> {
     let of = |run: &Run| {
         let recording = run
@@ -125,8 +125,8 @@ fn digest(text: &str) -> String {
     text.chars().take(8).collect()
 }
 
-/// Leaves out the runs whose budget is not the file's, unless all of their environment have one
-/// other.
+/// Leaves out the runs whose budget is not the file's, unless all runs of their environment share
+/// one other budget.
 fn budgets(plan: &[RunSpec], runs: &mut [Run]) -> Vec<String> {
     let mut pairs: BTreeMap<&str, Vec<(usize, u64, u64)>> = BTreeMap::new();
     for (index, (run, planned)) in runs.iter().zip(plan).enumerate() {
@@ -164,9 +164,9 @@ fn budgets(plan: &[RunSpec], runs: &mut [Run]) -> Vec<String> {
     remarks
 }
 
-/// Leaves out, in each group, the finished runs whose trait is not the one that most have (of
-/// equals, the first run's). `group_and_trait` gives a run's, `changes` what differs between two
-/// traits.
+/// Leaves out, in each group, the finished runs whose trait is not the most common one (the first
+/// run's where two are equally common). `group_and_trait` returns a run's group and trait,
+/// `changes` the differences between two traits.
 fn most_common(
     runs: &mut [Run],
     group_and_trait: impl Fn(&Run, &Recording) -> Option<(String, String)>,
@@ -198,7 +198,7 @@ fn most_common(
     }
 }
 
-/// What differs between two sets of versions, as JSON.
+/// The differences between two sets of versions, which are given as JSON.
 fn versions(recorded: &str, common: &str) -> Vec<String> {
     let read = |text: &str| {
         let mut leaves = BTreeMap::new();

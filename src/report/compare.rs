@@ -4,11 +4,12 @@
 //! paper but its margin. Start at
 //! [`CompareData::new`].
 //!
-//! A cell is what differs in its seeds alone. Cells of one name belong together, and else those of
-//! the same settings. The verdict is that of a printed value with Welch's interval in the place of
-//! one draw's: two one-sided tests with a margin of a tenth of the paper's Expert - Random
-//! (Schuirmann, 1987), and Holm's correction over all cells for what lies beyond it. Runs that
-//! failed count a second time at the Random policy's return, and a verdict holds both ways.
+//! A cell holds runs that differ in their seeds alone. Cells of one name belong together, and
+//! otherwise those with the same settings. The verdict is reached as for a printed value, but with
+//! Welch's interval in place of that for a single draw: two one-sided tests with a margin of a
+//! tenth of the paper's Expert - Random (Schuirmann, 1987), and Holm's correction over all cells
+//! for what lies beyond it. Runs that failed count a second time at the Random policy's return, and
+//! a verdict holds both ways.
 
 use std::{
     fs,
@@ -29,34 +30,34 @@ use crate::{
     stats::{Contrast, Interval, holm, t_interval},
 };
 
-/// Folders within `runs` are no deeper than this.
+/// The greatest depth of folders that are searched within `runs`.
 const DEEPEST: usize = 8;
 
-/// The comparison.
+/// The comparison of two experiments.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CompareData {
-    /// One a pair of cells, in the first one's order.
+    /// One row per pair of cells, in the first experiment's order.
     pub rows: Vec<CompareRow>,
-    /// What the numbers mean, and what stands on one side alone.
+    /// Notes on how to read the numbers, and on cells that only one side has.
     pub notes: Vec<String>,
 }
 
-/// A cell of both.
+/// One cell on both sides.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CompareRow {
     /// The cell's name, environment first.
     pub cell: String,
-    /// Its name on the other side, where that is another.
+    /// Its name on the second side, where that differs.
     pub called: Option<String>,
     /// Either side's mean over finished seeds with its t interval.
     pub sides: [Option<Interval>; 2],
-    /// Finished and planned or recorded seeds of either side.
+    /// Finished seeds of either side, and all that are planned or recorded.
     pub seeds: [(usize, usize); 2],
-    /// The second less the first, with its 90 % interval over both ways to count runs that failed.
+    /// The second mean less the first, with its 90 % interval over both ways to count failed runs.
     pub difference: Option<Interval>,
-    /// The second against the first.
+    /// The verdict on the second side, judged by the first.
     pub verdict: Verdict,
-    /// What was set otherwise, as `key: first -> second`.
+    /// The settings that differ, as `key: first -> second`.
     pub changes: Vec<String>,
 }
 
@@ -189,14 +190,14 @@ impl CompareData {
     }
 }
 
-/// What was set otherwise in `theirs`, seeds and budgets apart.
+/// The settings of `theirs` that differ from `ours`, except seeds and budgets.
 fn changes(ours: &Cell<'_>, theirs: &Cell<'_>) -> Vec<String> {
     let (ours, mut theirs) = (&ours.runs[0].spec, theirs.runs[0].spec.clone());
     theirs.seed = ours.seed;
     plan::differences(ours, &theirs)
 }
 
-/// The difference of a row, both ways to count runs that failed, and the margin.
+/// The test of a row: its difference by both ways to count failed runs, and the margin.
 struct Test {
     ways: Vec<Contrast>,
     margin: f64,
@@ -207,7 +208,7 @@ impl Test {
         self.ways.iter().map(p).fold(0.0, f64::max)
     }
 
-    /// The p value of the difference not lying within the margin.
+    /// The p value of the hypothesis that the difference does not lie within the margin.
     fn not_within(&self) -> f64 {
         self.greatest(|way| {
             way.confidence_below(-self.margin)
@@ -215,8 +216,8 @@ impl Test {
         })
     }
 
-    /// The p value of the difference not lying beyond the margin, for this row alone, and on which
-    /// side it does.
+    /// The p value of the hypothesis that the difference does not lie beyond the margin, for this
+    /// row alone; and the verdict for the side on which it would.
     fn beyond(&self) -> (f64, Verdict) {
         let worse = self.greatest(|way| 1.0 - way.confidence_below(-self.margin));
         let better = self.greatest(|way| way.confidence_below(self.margin));
@@ -299,7 +300,7 @@ fn test(values: &[Vec<f64>; 2], failed: [usize; 2], scale: Scale) -> Option<Test
     })
 }
 
-/// Gives the rows that were tested their verdicts, which allow for each other.
+/// Sets the verdicts of the rows that were tested, corrected for their number.
 fn settle(rows: &mut [CompareRow], tests: &[Option<Test>]) {
     let alone: Vec<f64> = tests.iter().flatten().map(|test| test.beyond().0).collect();
     let mut corrected = holm(&alone).into_iter();

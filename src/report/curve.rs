@@ -24,20 +24,20 @@ pub const CONFIDENCE: f64 = 0.95;
 /// One figure.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct CurveData {
-    /// Above the panels.
+    /// The title above the panels.
     pub title: String,
-    /// What the x axis shows.
+    /// The quantity on the x axis.
     pub across: Across,
-    /// What the y axis shows, with its unit.
+    /// The label of the y axis, with its unit.
     pub y_label: String,
-    /// Whether the y axis is logarithmic; then means and intervals are of log10, and the mean is
-    /// geometric.
+    /// Whether the y axis is logarithmic. If so, means and intervals are of log10, which makes the
+    /// mean geometric.
     pub log_y: bool,
     /// The column that is drawn, as the file names it.
     pub y: String,
-    /// What panels are told apart by: an axis, or `panel` where they are selections.
+    /// The key that distinguishes panels: an axis, or `panel` where they are selections.
     pub panel_key: String,
-    /// What curves are told apart by: the keys of the series' values.
+    /// The keys that distinguish curves: those of the series' values.
     pub keys: Vec<Key>,
     /// The legend, in order; a curve's index is the same in all panels.
     pub series: Vec<Label>,
@@ -45,28 +45,28 @@ pub struct CurveData {
     pub looks: Vec<usize>,
     /// The panels, in order.
     pub panels: Vec<Panel>,
-    /// What is drawn of the seeds.
+    /// How the spread of the seeds is drawn.
     pub band: Band,
     /// Environment steps over which each seed is averaged.
     pub smooth: Option<u64>,
     /// The width in print, inches; for the screen when absent.
     pub width: Option<f64>,
-    /// What its caption says, where that is not what is said of learning curves.
+    /// The text of its caption, where that is not the usual one of learning curves.
     pub caption: Option<String>,
 }
 
-/// What an x axis shows.
+/// The quantity on an x axis.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Across {
     /// Environment steps of training, from 0.
     #[default]
     Steps,
-    /// Normalised scores, from one to another.
+    /// Normalised scores, between these two.
     Scores(f64, f64),
 }
 
 impl Across {
-    /// Its name.
+    /// The label of the axis.
     pub fn label(self) -> &'static str {
         match self {
             Self::Steps => "environment steps",
@@ -80,7 +80,7 @@ impl Across {
 pub struct Panel {
     /// The environment, or another value that all of its runs share.
     pub title: String,
-    /// One entry a series; `None` where the matrix has no such run.
+    /// One entry per series; `None` where the matrix has no such run.
     pub curves: Vec<Option<Curve>>,
     /// The return of the demonstration that the runs learned from, for figures of returns.
     pub demo: Option<f64>,
@@ -91,19 +91,19 @@ pub struct Panel {
 pub struct Curve {
     /// In ascending order of environment steps.
     pub points: Vec<Point>,
-    /// The means before they were smoothed; empty where nothing is.
+    /// The means before smoothing; empty where nothing is smoothed.
     pub raw: Vec<(f64, f64)>,
     /// Each seed's own values at the points.
     pub singles: Vec<Single>,
-    /// Runs behind every point.
+    /// The number of runs behind every point.
     pub seeds: usize,
-    /// Runs that the plan has.
+    /// The number of runs in the plan.
     pub planned: usize,
-    /// How far the runs that are drawn have come, where one of them has not ended.
+    /// How far the drawn runs have come, where one of them has not ended.
     pub under_way: Option<UnderWay>,
     /// Environment steps at which the curve is broken.
     pub gaps: Vec<f64>,
-    /// Points that do not exist, and why.
+    /// The number of points that are missing, by reason.
     pub left_out: LeftOut,
     /// The paper's return at the end of training.
     pub paper: Option<f64>,
@@ -114,22 +114,22 @@ pub struct Curve {
 /// One seed of a curve.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Single {
-    /// The seed.
+    /// The run's seed.
     pub seed: u64,
     /// Its values over environment steps.
     pub points: Vec<(f64, f64)>,
 }
 
-/// How far a curve goes whose runs have not all ended.
+/// How far a curve goes while some of its runs have not ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct UnderWay {
-    /// Environment steps that all of its runs have taken.
+    /// Environment steps that all of its runs have reached.
     pub steps: u64,
-    /// Environment steps that they are to take.
+    /// The budget of its runs, environment steps.
     pub of: u64,
 }
 
-/// Points that a curve does not have, by the first reason that holds.
+/// The number of points that a curve lacks, by the first reason that applies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct LeftOut {
     /// A seed's value is no finite number; a gap.
@@ -143,7 +143,7 @@ pub struct LeftOut {
 /// One point of a curve.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point {
-    /// Environment steps of training, or what else the x axis shows.
+    /// Environment steps of training, or another quantity of the x axis.
     pub env_steps: f64,
     /// Mean over the seeds.
     pub mean: f64,
@@ -152,7 +152,7 @@ pub struct Point {
 }
 
 impl CurveData {
-    /// The curves of `y`, drawn as `figure` says, over `runs`, which are those that its `only`
+    /// The curves of `y` over `runs`, as `figure` asks for them. `runs` are those that its `only`
     /// selects, in the plan's order.
     pub fn new(figure: &Figure, y: Measure, runs: &[&Run], identities: &Identities) -> Self {
         let panel_axes: Vec<Key> = match &figure.panels {
@@ -166,6 +166,8 @@ impl CurveData {
             .cloned()
             .collect();
         let panels = panels(&figure.panels, runs);
+        // Runs that differ in more than their seed are never averaged, so other axes become keys
+        // too.
         for (_, inside) in &panels {
             keys.extend(axis::hidden_axes(
                 inside,
@@ -176,6 +178,7 @@ impl CurveData {
         if keys.is_empty() {
             keys.push(Key::Algorithm); // a curve alone has a name too
         }
+        // The groups span all panels, so that a curve has the same index in each.
         let series = axis::group(runs, &keys);
         let panels = panels.into_iter().map(|(title, runs)| {
             let inside: BTreeSet<&str> = runs.iter().map(|run| run.spec.id.as_str()).collect();
@@ -298,12 +301,12 @@ impl Curve {
             .chunk_by(|left, right| !self.gap_between(left.env_steps, right.env_steps))
     }
 
-    /// Whether the curve is broken from `left` on before `right`.
+    /// Whether the curve has a gap from `left` on and before `right`.
     pub fn gap_between(&self, left: f64, right: f64) -> bool {
         self.gaps.iter().any(|gap| (left..right).contains(gap))
     }
 
-    /// The value of what takes no steps of training, and has one value at all of them.
+    /// The one value of a method that does not train, which holds at every step.
     pub fn level(&self) -> Option<&Point> {
         match self.points.as_slice() {
             [point] if point.env_steps == 0.0 => Some(point),
@@ -311,7 +314,8 @@ impl Curve {
         }
     }
 
-    /// `3 of 5 seeds, to 400k of 1M steps`, of a curve that lacks seeds or steps.
+    /// The seeds and steps that the curve still lacks, as `3 of 5 seeds, to 400k of 1M steps`;
+    /// `None` where it is whole.
     pub fn lacking(&self) -> Option<String> {
         let seeds = (self.seeds < self.planned)
             .then(|| format!("{} of {} seeds", self.seeds, self.planned));
@@ -328,7 +332,7 @@ fn is_bounded(y: Measure) -> bool {
     y.is(&progress::MMD) || y.is(&progress::MMD_AFTER)
 }
 
-/// The columns of progress that the curves of `y` are made from.
+/// The columns of progress that curves of `y` need.
 pub fn columns(y: Measure) -> Vec<&'static Column<Iteration>> {
     let tolerance = is_bounded(y).then_some(&progress::TOLERANCE);
     columns_of(y).into_iter().chain(tolerance).collect()

@@ -1,4 +1,4 @@
-//! The files of a report, and which of an earlier one go.
+//! The files of a report, and the removal of an earlier report's leftovers.
 
 use std::{
     collections::BTreeSet,
@@ -8,8 +8,8 @@ use std::{
 
 use crate::record::{self, RecordError};
 
-/// A folder of files of which the names are kept, so that a later report can remove those that it
-/// has not.
+/// A folder of files that keeps a list of their names, so that a later report can remove those that
+/// it no longer writes.
 pub struct Files {
     folder: PathBuf,
     /// The files, in order.
@@ -17,12 +17,12 @@ pub struct Files {
 }
 
 impl Files {
-    /// Where the names are kept, one a line.
+    /// The file that keeps the names, one per line.
     const LIST: &str = ".files";
-    /// The files that a report consists of.
+    /// The extensions of the files of a report.
     const EXTENSIONS: [&str; 7] = ["md", "tex", "csv", "png", "svg", "pdf", "html"];
 
-    /// An empty list in `folder`, which is made.
+    /// Starts an empty list in `folder`, which is created.
     ///
     /// # Errors
     ///
@@ -52,7 +52,7 @@ impl Files {
         Ok(())
     }
 
-    /// Writes a table in all formats: Markdown, for LaTeX bare and as a float, and CSV.
+    /// Writes a table in all formats: Markdown, LaTeX (bare and as a float), and CSV.
     ///
     /// # Errors
     ///
@@ -70,8 +70,8 @@ impl Files {
         self.write(name, "csv", csv)
     }
 
-    /// Removes what an earlier report left and this one has not written, and keeps the names of
-    /// what it has.
+    /// Removes the files of an earlier report that this one has not written, and keeps the names of
+    /// those that it has.
     ///
     /// # Errors
     ///
@@ -83,8 +83,8 @@ impl Files {
             .iter()
             .filter_map(|path| Some(path.file_name()?.to_str()?.to_owned()))
             .collect();
-        // The list may come from anywhere: a name that leads elsewhere, or is no report's, is none
-        // of it.
+        // The list may come from anywhere, so a name that leads elsewhere or is no report's is
+        // ignored.
         let report = |name: &str| {
             let extension = Path::new(name)
                 .extension()

@@ -1,27 +1,26 @@
-//! Which look belongs to which series, in all figures of an experiment.
+//! The look of each series, the same in all figures of an experiment.
 //!
 //! Owns the place of every combination of algorithm and settings among the looks. Knows nothing of
 //! colours. Start at
 //! [`Identities::new`].
 //!
-//! A look belongs to what a series is, not to where it stands in the file or in a figure. An
-//! algorithm's own look, the same in all experiments, is that of its default setting; its other
-//! settings take the looks that no algorithm of the experiment has, in ascending order of their
-//! values.
+//! A look belongs to the series itself, not to its place in the file or in a figure. An algorithm's
+//! own look, the same in all experiments, is that of its default setting; its other settings take
+//! the looks that no algorithm of the experiment has, in ascending order of their values.
 
 use std::{cmp::Ordering, collections::BTreeSet};
 
 use super::{axis, recorded::Run};
 use crate::spec::{Algorithm, Key};
 
-/// After so many looks their colours return; `figure::look` makes the rest of them.
+/// After this many looks, the colours repeat; `figure::look` makes the rest of them.
 const COLORS: usize = 12;
 
-/// What a run is beside its environment and seed: its algorithm, and the value of each key where
-/// that is not the default.
+/// A run's identity, apart from environment and seed: its algorithm, and the value of each key
+/// where that is not the default.
 type Identity = Vec<Option<toml::Value>>;
 
-/// What tells the runs of an experiment apart, and the look of each.
+/// The identities of an experiment's runs, and the look of each.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Identities {
     keys: Vec<Key>,
@@ -29,8 +28,8 @@ pub struct Identities {
 }
 
 impl Identities {
-    /// Those of an experiment with `runs`: all of the file's, so that a part of them looks as it
-    /// does in the whole.
+    /// The identities of an experiment with `runs`. They are all of the file's runs, so that a
+    /// report of some of them gives them the same looks.
     pub fn new(runs: &[&Run]) -> Self {
         let hidden = axis::hidden_axes(runs, &[Key::Env, Key::Algorithm]);
         let keys: Vec<Key> = [vec![Key::Algorithm], hidden].concat();
@@ -59,9 +58,9 @@ impl Identities {
         }
     }
 
-    /// The look of each series, by one of its runs. Of series that are the same but for their
-    /// environment or seed, and of those whose colours are the same in a figure that has colours
-    /// for all, all but the first take what is left.
+    /// The look of each series, given one run of each. Where series differ in environment or seed
+    /// alone, the first keeps the look and the others take unused ones. The same holds for series
+    /// of one colour in a figure that has a colour for each.
     pub fn looks<'a>(&self, series: impl Iterator<Item = &'a Run>) -> Vec<usize> {
         let wanted: Vec<Option<usize>> = series.map(|run| self.of(run)).collect();
         let as_one = |look: usize| {
@@ -104,8 +103,8 @@ fn identity(keys: &[Key], run: &Run) -> Identity {
         .collect()
 }
 
-/// Numbers by their size, all else by how it is written; what is absent first, so that a default
-/// is.
+/// Orders numbers by size and all else by how it is written. Absent values come first, so that a
+/// default does.
 fn ascending(left: &[Option<toml::Value>], right: &[Option<toml::Value>]) -> Ordering {
     let number = |value: &toml::Value| {
         value

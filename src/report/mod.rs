@@ -49,13 +49,13 @@ pub use write::{Written, write};
 
 use crate::{plan::PlanError, record::RecordError, spec::SelectionError};
 
-/// What can go wrong when a report is made.
+/// Errors of making a report.
 #[derive(Debug, thiserror::Error)]
 pub enum ReportError {
     /// A recorded file cannot be read, or the report not be written.
     #[error(transparent)]
     Record(#[from] RecordError),
-    /// The experiment has no plan.
+    /// No plan can be made of the experiment.
     #[error(transparent)]
     Plan(#[from] PlanError),
     /// `only` of a figure or table cannot be understood.
@@ -69,12 +69,12 @@ pub enum ReportError {
         /// The folder of all results.
         results: PathBuf,
     },
-    /// The selection means no run.
+    /// The selection matches no run.
     #[error("{experiment}: none of the {runs} runs match --only {only}")]
     NoneMatch {
         /// The experiment.
         experiment: String,
-        /// How many runs it has.
+        /// The number of its runs.
         runs: usize,
         /// The selection.
         only: String,

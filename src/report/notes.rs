@@ -1,4 +1,4 @@
-//! What a reader must know beside the numbers: budget, seeds, readings of the MMD, failures.
+//! Notes for a reader of the numbers: budget, seeds, readings of the MMD, failures.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -14,10 +14,10 @@ use super::{
     reference,
 };
 
-/// Below this many seeds an interval says little of the algorithm.
+/// Below this many seeds an interval says little about the algorithm.
 const ENOUGH_SEEDS: usize = 10;
 
-/// What differences and verdicts mean.
+/// How to read differences and verdicts.
 const VERDICTS: &str = "Difference: ours less the paper's in the expected best of five seeds, its 90 % interval; seeds are taken to be \
     normal, and the paper's to deviate as ours do. Reproduced: within a tenth of the paper's Expert - Random. Better, worse: beyond \
     it, at 5 % after Holm's correction over all cells of the report. Runs that failed count a second time at the random policy's \
@@ -56,6 +56,7 @@ pub fn of_table(runs: &[&Run], rows: &[Row]) -> Vec<String> {
              have none beside them: {list}."
         ));
     }
+    // A table of one column is a list, which has no column for demonstrations.
     let in_a_column = |row: &Row| row.cells.len() > 1 && row.demo.or(row.paper_demo).is_some();
     if rows.iter().any(in_a_column) {
         notes.push(
@@ -124,8 +125,8 @@ pub fn of_claims(rows: &[ClaimRow]) -> Vec<String> {
     notes
 }
 
-/// `2 of 4 runs finished.`, and of how many what is recorded was made by another specification,
-/// with the keys that differ.
+/// `2 of 4 runs finished.`, and how many runs were recorded under another specification, with the
+/// keys that differ.
 pub fn finished<'a>(runs: impl Iterator<Item = &'a Run>, planned: usize) -> String {
     let (mut finished, mut differing) = (0, 0);
     let mut keys: Vec<String> = Vec::new();
@@ -156,7 +157,7 @@ pub fn finished<'a>(runs: impl Iterator<Item = &'a Run>, planned: usize) -> Stri
     )
 }
 
-/// The first few of a list, and how many more there are.
+/// The first few entries of a list, and the number of the others.
 pub fn listed(list: &[String]) -> String {
     const SHOWN: usize = 6;
     let shown = list[..list.len().min(SHOWN)].join(", ");
@@ -167,7 +168,7 @@ pub fn listed(list: &[String]) -> String {
     }
 }
 
-/// What the best of `seeds` is beside the paper's, which is the best of five.
+/// How our best seed, chosen from `seeds` seeds per cell, compares with the paper's best of five.
 fn best_seed(seeds: impl Iterator<Item = usize>) -> String {
     let seeds: BTreeSet<usize> = seeds.filter(|seeds| *seeds > 0).collect();
     match (seeds.first(), seeds.last()) {
@@ -180,8 +181,8 @@ fn best_seed(seeds: impl Iterator<Item = usize>) -> String {
     }
 }
 
-/// What to think of intervals where the cell with the fewest finished `seeds` has few; one without
-/// any has no interval.
+/// A warning about intervals where some cell has few finished `seeds`. Cells without any do not
+/// count, since they have no interval.
 fn few_seeds(seeds: impl Iterator<Item = usize>) -> Option<String> {
     let fewest = seeds.filter(|seeds| *seeds > 0).min()?;
     (fewest < ENOUGH_SEEDS).then(|| {
@@ -191,8 +192,8 @@ fn few_seeds(seeds: impl Iterator<Item = usize>) -> Option<String> {
     })
 }
 
-/// What the demonstrations of a table without a column for them returned; beside it the paper's,
-/// where it `compares`.
+/// The returns of the demonstrations, for a table without a column for them; with the paper's where
+/// it `compares`.
 fn demonstrations(runs: &[&Run], compares: bool) -> Option<String> {
     let told = |group: &axis::Group<'_>| {
         let env = group.runs[0].spec.env.name();
@@ -235,7 +236,7 @@ fn readings(runs: &[&Run]) -> Option<String> {
     (!list.is_empty()).then(|| format!("Samples of the MMD: {}.", list.join(", ")))
 }
 
-/// One note a run that failed, with its error.
+/// One note per failed run, with its error.
 fn failures(runs: &[&Run]) -> Vec<String> {
     let failed = runs.iter().filter_map(|run| match &run.state {
         State::Failed { error } => Some(format!("Failed: {}: {error}", run.spec.id)),

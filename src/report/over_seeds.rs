@@ -9,9 +9,9 @@
 //! was left out for that is counted. Where a value cannot be drawn (it is no finite number, or not
 //! above 0 on a logarithmic axis) the curve has a gap.
 //!
-//! Of runs under way, as many seeds are drawn as make seeds times steps the largest, by how far
-//! they have come; how they fare does not count. The curve ends where the last of those that are
-//! drawn is.
+//! While runs are under way, the seeds that have come farthest are drawn, as many as make seeds
+//! times steps the largest. Their values do not count. The curve ends where the slowest drawn seed
+//! is.
 
 use std::collections::BTreeMap;
 
@@ -29,26 +29,26 @@ use crate::{
 /// A column of `progress.parquet` is averaged in this many bins when it has more iterations.
 const BINS: usize = 240;
 
-/// Seeds below which a t interval is their range: that of two is 12.7 standard errors wide, and
-/// hides the figure.
+/// Below this many seeds, the band shows their range instead of a t interval: the t interval of two
+/// seeds is 12.7 standard errors to each side, and would hide the figure.
 pub const SEEDS_FOR_T: usize = 3;
 
 /// Resamples behind a bootstrap band: its ends move by less than a line is broad.
 const RESAMPLES: usize = 2_000;
 
-/// What one seed has recorded.
+/// One seed's recorded results.
 #[derive(Debug, Clone, Copy)]
 pub struct Seed<'a> {
     number: u64,
     recording: &'a Recording,
     /// Environment steps that it has taken, or was to take if it ended.
     reach: u64,
-    /// The same of a run that has not ended.
+    /// Environment steps that a run under way has taken; `None` for a run that has ended.
     pub under_way: Option<u64>,
 }
 
 impl<'a> Seed<'a> {
-    /// What `run` has recorded; `None` where it has nothing to draw.
+    /// The recorded results of `run`; `None` where there is nothing to draw.
     pub fn of(run: &'a Run) -> Option<Self> {
         let (number, whole) = (run.spec.seed.0, run.spec.budget.env_steps.get());
         match (&run.state, &run.under_way) {
@@ -93,7 +93,7 @@ impl<'a> Seed<'a> {
 }
 
 /// The seeds of `all` that are drawn, in their order: as many as make seeds times steps the
-/// largest, and of equals the more.
+/// largest, or the larger number where two are equal.
 pub fn drawn<'a>(all: &[Seed<'a>]) -> Vec<Seed<'a>> {
     let mut reaches: Vec<u64> = all.iter().map(|seed| seed.reach).collect();
     reaches.sort_unstable_by(|left, right| right.cmp(left));
@@ -111,7 +111,7 @@ pub fn drawn<'a>(all: &[Seed<'a>]) -> Vec<Seed<'a>> {
 pub struct Averaging {
     /// Whether statistics are of log10; then a value that is not positive cannot be drawn.
     pub log: bool,
-    /// What is told of the seeds beside their mean.
+    /// How the spread of the seeds is shown beside their mean.
     pub band: Band,
     /// Environment steps over which each seed is averaged; 0 for none.
     pub smooth: u64,
@@ -131,23 +131,23 @@ impl Averaging {
     }
 }
 
-/// The points at which all seeds have a value, and what becomes of the others.
+/// A curve: the points at which all seeds have a value, and counts of the others.
 #[derive(Debug, Default)]
 pub struct OverSeeds {
     /// In ascending order of environment steps.
     pub points: Vec<Point>,
-    /// The means of what was smoothed.
+    /// The means before smoothing; empty where nothing is smoothed.
     pub raw: Vec<(f64, f64)>,
-    /// Each seed at the points.
+    /// Each seed's values at the points.
     pub singles: Vec<Single>,
-    /// Where the curve is broken.
+    /// Environment steps at which the curve is broken.
     pub gaps: Vec<f64>,
-    /// Points that do not exist.
+    /// The number of points that are missing, by reason.
     pub left_out: LeftOut,
 }
 
 impl OverSeeds {
-    /// The curve of `y` of `seeds`, as far as all of them have come.
+    /// The curve of `y` over `seeds`, up to the steps that all of them have reached.
     pub fn new(seeds: &[Seed<'_>], y: Measure, averaging: Averaging) -> Self {
         let end = seeds
             .iter()
@@ -159,8 +159,8 @@ impl OverSeeds {
             .iter()
             .map(|seed| values(seed.recording, y, bins, end))
             .collect();
-        // By environment steps: each seed's value as it is, and smoothed on the scale that
-        // statistics are of.
+        // By environment steps: each seed's value as it is, and its value smoothed on the scale of
+        // the statistics.
         let mut points: BTreeMap<u64, Vec<(f64, f64)>> = BTreeMap::new();
         for seed in &raw {
             for (&(env_steps, value), smooth) in seed.iter().zip(smoothed(seed, averaging)) {
@@ -199,7 +199,7 @@ impl OverSeeds {
             .map(|&(value, _)| averaging.there(value))
             .collect();
         let smooth: Vec<f64> = samples.iter().map(|&(_, smooth)| smooth).collect();
-        // The sums too: finite numbers can have an infinite one.
+        // The sum is checked too: finite numbers can have an infinite one.
         if !raw.iter().sum::<f64>().is_finite() {
             self.left_out.not_finite += 1;
             self.gaps.push(x);
@@ -224,7 +224,7 @@ impl OverSeeds {
     }
 }
 
-/// The ends of the band of `samples`, one a seed, around their mean, the `center`; `None` for one
+/// The ends of the band of `samples`, one per seed, around their mean `center`; `None` for one
 /// seed, and where no band is asked for.
 fn band(samples: &[f64], center: f64, band: Band, env_steps: u64) -> Option<(f64, f64)> {
     if samples.len() < 2 {
@@ -249,7 +249,7 @@ fn band(samples: &[f64], center: f64, band: Band, env_steps: u64) -> Option<(f64
                 resamples: RESAMPLES,
                 confidence: CONFIDENCE,
             };
-            // The same numbers at the same point, whatever else is drawn.
+            // The seed gives a point the same numbers whatever else is drawn.
             let mut rng = RngSeed(env_steps).stream(Stream::Bootstrap, 0);
             let of_resample = |strata: &[Vec<f64>]| vec![mean(&strata[0])];
             bootstrap
@@ -264,7 +264,7 @@ fn band(samples: &[f64], center: f64, band: Band, env_steps: u64) -> Option<(f64
 /// The bins in which all seeds of a curve are averaged, so that their points meet.
 #[derive(Debug, Clone, Copy)]
 struct Bins {
-    /// Environment steps; 0 where every iteration is a point.
+    /// The width of a bin, environment steps; 0 where every iteration is a point.
     width: u64,
 }
 
@@ -304,12 +304,12 @@ pub fn seed_values(recording: &Recording, y: Measure) -> Vec<(u64, f64)> {
     )
 }
 
-/// The same without averaging: every iteration, or every evaluation's mean.
+/// One seed's values of `y` without averaging: one per iteration, or one mean per evaluation.
 pub fn values_of(recording: &Recording, y: Measure) -> Vec<(u64, f64)> {
     values(recording, y, Bins { width: 0 }, u64::MAX)
 }
 
-/// The same in the bins of all seeds, until `end`.
+/// One seed's values of `y` in the bins that all seeds share, up to `end`.
 fn values(recording: &Recording, y: Measure, bins: Bins, end: u64) -> Vec<(u64, f64)> {
     let Measure::Column(column) = y else {
         let mut evaluations: BTreeMap<u64, Vec<f64>> = BTreeMap::new();
@@ -341,13 +341,14 @@ fn values(recording: &Recording, y: Measure, bins: Bins, end: u64) -> Vec<(u64, 
         return rows.filter(|&(steps, _)| steps <= end).collect();
     }
     let mut binned: BTreeMap<u64, Vec<f64>> = BTreeMap::new();
+    // Bins include their upper end, so that the last step of a budget does not open another bin.
     for (steps, value) in rows {
         binned
             .entry(steps.saturating_sub(1) / bins.width)
             .or_default()
             .push(value);
     }
-    // A bin that not all seeds have filled is none yet.
+    // A bin that is not full yet does not count.
     let full = binned
         .into_iter()
         .filter(|(bin, _)| end == u64::MAX || (bin + 1).saturating_mul(bins.width) <= end);
@@ -355,9 +356,9 @@ fn values(recording: &Recording, y: Measure, bins: Bins, end: u64) -> Vec<(u64, 
         .collect()
 }
 
-/// The values of one seed on the scale that statistics are of, each the mean of those around it as
-/// far as `smooth` reaches, equally far to both sides: at the ends less far, and never over a value
-/// that cannot be drawn.
+/// One seed's values on the scale of the statistics, each replaced by the mean of those around it.
+/// The window reaches equally far to both sides, up to `smooth`: less far at the ends, and never
+/// across a value that cannot be drawn.
 fn smoothed(seed: &[(u64, f64)], averaging: Averaging) -> Vec<f64> {
     let half = averaging.smooth / 2;
     let stretches =

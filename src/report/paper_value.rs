@@ -1,14 +1,14 @@
-//! Which of the paper's values runs can be compared with.
+//! The value of the paper, if any, that runs can be compared with.
 //!
 //! Owns that rule. Knows nothing of intervals or verdicts. Start at [`PaperSide::of`].
 //!
 //! The paper's value belongs to the paper's setting, and that is the default of every parameter, as
 //! far as we know it: the paper's tables, and our readings where it is silent
-//! (`experiments/method.md`). So runs have the paper's value beside them where every parameter that
+//! (`experiments/method.md`). So the paper's value stands beside runs where every parameter that
 //! decides what is learned is at its default: the algorithm's hyperparameters, the reward, the time
-//! limit, the networks and the rollouts. How long a run is does not count here, since verdicts see
-//! to that; nor do evaluations, checkpoints, or the demonstration, which is never the paper's. In
-//! the ablation, d and epsilon are Table 5's.
+//! limit, the networks and the rollouts. The length of a run does not count here, since verdicts
+//! account for it; nor do evaluations, checkpoints, or the demonstration, which is never the
+//! paper's. In the ablation, d and epsilon are Table 5's.
 
 use std::collections::BTreeSet;
 
@@ -17,22 +17,22 @@ use super::{
     reference::{self, PaperValue},
 };
 
-/// What the paper has beside runs that differ in their seeds.
+/// The paper's side of runs that differ in their seeds alone.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PaperSide {
-    /// Its value.
+    /// The paper's value; `None` where it has none for these runs.
     pub value: Option<PaperValue>,
-    /// The parameters that are not the paper's, where it has a value for the algorithm: then there
-    /// is none for these runs.
+    /// The parameters that differ from the paper's, where it has a value for the algorithm. If
+    /// there are any, `value` is `None`.
     pub departures: BTreeSet<String>,
 }
 
 impl PaperSide {
     /// The paper's side of `runs`.
     ///
-    /// Where `ablation` is asked for, MCPO's in Table 5's environment is Table 5's value for its d
-    /// and epsilon: the paper's tables disagree about the one setting that both have. Else it is
-    /// that of Tables 3 and 4.
+    /// Where `ablation` is asked for, MCPO in Table 5's environment gets Table 5's value for its d
+    /// and epsilon. All other runs get the value of Tables 3 and 4. The caller has to choose
+    /// because the paper's tables disagree about the one setting that both have.
     pub fn of(runs: &[&Run], ablation: bool) -> Self {
         let Some(spec) = runs.first().map(|run| &run.spec) else {
             return Self::default();

@@ -1,10 +1,10 @@
 //! The runs of an experiment as they lie on the disk.
 //!
 //! Owns what the report takes from the recorded files: final and intermediate returns, and the
-//! numeric columns of progress. A run whose files are damaged, or whose final return is no number,
-//! is a run that failed. Of a run under way, it takes what the last checkpoint has. Knows nothing
-//! of figures or tables, nor of which runs may be averaged, which is `comparable`'s. Start at
-//! [`load`].
+//! numeric columns of progress. A run whose files are damaged, or whose final return is not a
+//! number, counts as failed. Of a run under way, it takes what the last checkpoint holds. Knows
+//! nothing of figures or tables, nor of which runs may be averaged, which is `comparable`'s. Start
+//! at [`load`].
 
 use std::{cell::OnceCell, collections::BTreeSet, path::Path};
 
@@ -22,20 +22,20 @@ use crate::{
 /// The runs of a plan, as far as they are recorded.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Loaded {
-    /// One a planned run, in the plan's order.
+    /// One entry per planned run, in the plan's order.
     pub runs: Vec<Run>,
-    /// What a reader must know of all of them, a sentence each.
+    /// Remarks for a reader that concern all runs, a sentence each.
     pub remarks: Vec<String>,
 }
 
 /// The columns of progress that are asked for.
 pub type Columns<'a> = &'a [&'static Column<Iteration>];
 
-/// What `plan`, one experiment's runs, left under the folder `results`. Of progress, `columns`
-/// alone are read.
+/// Loads the records of `plan`, one experiment's runs, from the folder `results`. Only `columns` of
+/// the progress are read.
 ///
-/// What was recorded by another specification than the plan's is told apart ([`State::Differs`]). A
-/// file that cannot be read makes its run a failed one.
+/// A run recorded under another specification than the plan's becomes [`State::Differs`]. A run
+/// with a file that cannot be read counts as failed.
 ///
 /// # Errors
 ///
@@ -79,7 +79,7 @@ fn load_run(planned: &RunSpec, paths: &RunPaths, columns: Columns<'_>) -> Result
     })
 }
 
-/// What became of a run with this `manifest`.
+/// The planned run with the state that its `manifest` tells.
 fn ended(
     planned: &RunSpec,
     paths: &RunPaths,
@@ -109,8 +109,8 @@ fn ended(
                 Ok(recording) => recording,
                 Err(error) => return Ok(as_planned(State::Failed { error })),
             };
-            // What does not make it another run (its budget, how it was evaluated) is told as it
-            // was, not as it is planned.
+            // Its budget and evaluations, which do not make it another run, are reported as
+            // recorded and not as planned.
             let (experiment, id, axes) = (
                 planned.experiment.clone(),
                 planned.id.clone(),
@@ -129,8 +129,8 @@ fn ended(
     }
 }
 
-/// What `planned`, which has not ended, has come to; nothing where another specification is under
-/// way.
+/// The progress of `planned`, which has not ended; `None` where a run of another specification is
+/// under way.
 ///
 /// # Errors
 ///
@@ -166,7 +166,7 @@ fn under_way(
     }))
 }
 
-/// What a finished run recorded, or why that is no result.
+/// The recorded results of a finished run, or the reason why they are not a result.
 fn recording(
     manifest: Manifest,
     paths: &RunPaths,
@@ -191,22 +191,22 @@ fn recording(
     })
 }
 
-/// One run of the plan, and what became of it.
+/// One run of the plan, with its state.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Run {
-    /// What it was to be; of a finished run, what it was.
+    /// Its specification: as recorded if it finished, and otherwise as planned.
     pub spec: RunSpec,
-    /// What became of it.
+    /// Its state, with the results of a finished run.
     pub state: State,
-    /// What it has come to, where it has not ended.
+    /// Its progress, where it has not ended.
     pub under_way: Option<SoFar>,
-    /// Where its last word comes from, where that can be read.
+    /// The origin of its final record, where that can be read.
     pub trace: Option<Trace>,
     values: Values,
     departures: OnceCell<BTreeSet<String>>,
 }
 
-/// What became of a run.
+/// The state of a run.
 #[derive(Debug, Clone, PartialEq)]
 pub enum State {
     /// It has not ended.
@@ -216,9 +216,9 @@ pub enum State {
         /// The cause, in a sentence.
         error: String,
     },
-    /// What is recorded was made by another specification.
+    /// Another specification was recorded in its place.
     Differs {
-        /// What differs, as `key: recorded -> planned`.
+        /// The differences, as `key: recorded -> planned`.
         changes: Vec<String>,
     },
     /// It used its budget.
@@ -232,15 +232,15 @@ pub struct Trace {
     pub program: String,
     /// The commit of the folder that the program was called in, where that was a repository's.
     pub git: Option<Git>,
-    /// The class of the processor, which decides last bits.
+    /// The class of the processor, on which the last bits of results depend.
     pub cpu_class: String,
     /// The processor; absent where an older program recorded the run.
     pub cpu: Option<String>,
     /// The version of MuJoCo; absent where the environment does without.
     pub mujoco: Option<String>,
-    /// Environment steps that were trained.
+    /// Environment steps of training.
     pub env_steps: u64,
-    /// Wall-clock seconds.
+    /// Wall-clock seconds of training.
     pub seconds: f64,
     /// The last lines of the log of a run that failed.
     pub log_tail: Vec<String>,
@@ -278,25 +278,25 @@ impl Trace {
     }
 }
 
-/// What a run under way has recorded at its last checkpoint.
+/// The progress of a run under way, at its last checkpoint.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SoFar {
     /// Environment steps that it has taken.
     pub env_steps: u64,
-    /// What it has recorded until then.
+    /// Its results up to then.
     pub recording: Recording,
 }
 
-/// What a finished run recorded.
+/// The recorded results of a run.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Recording {
     /// The evaluation episodes.
     pub evaluations: Vec<Evaluation>,
-    /// Columns of `progress.parquet`, those that were asked for.
+    /// The columns of `progress.parquet` that were asked for.
     pub progress: Numbers,
     /// The digest of the demonstration that it learned from; absent for an algorithm without one.
     pub demonstration: Option<String>,
-    /// What that demonstration holds; absent for an algorithm without one, and where an older
+    /// A description of that demonstration; absent for an algorithm without one, and where an older
     /// program recorded the run.
     pub demonstrated: Option<Demonstrated>,
     /// The versions of what computes numbers.
@@ -325,7 +325,7 @@ impl Evaluation {
 }
 
 impl Run {
-    /// The run `spec`, of which `state` became.
+    /// The run `spec` in `state`.
     pub fn new(spec: RunSpec, state: State) -> Self {
         let values = spec.values();
         Self {
@@ -338,7 +338,7 @@ impl Run {
         }
     }
 
-    /// What it recorded, if it finished.
+    /// Its recorded results, if it finished.
     pub fn recording(&self) -> Option<&Recording> {
         match &self.state {
             State::Finished(recording) => Some(recording),
@@ -346,12 +346,12 @@ impl Run {
         }
     }
 
-    /// As [`RunSpec::value`], without making its tables again.
+    /// As [`RunSpec::value`], without building its tables again.
     pub fn value(&self, key: &Key) -> Option<toml::Value> {
         self.values.get(key)
     }
 
-    /// Whether `selection` means it.
+    /// Whether `selection` matches the run.
     pub fn is_in(&self, selection: &Selection) -> bool {
         selection.matches_values(&self.values)
     }
@@ -375,7 +375,7 @@ impl Run {
 }
 
 /// The mean return of the demonstration that the finished ones of `runs` learned from, as far as
-/// they learn from one; `None` where they learned from several, or none recorded it.
+/// they learn from one. `None` where they learned from several, or none recorded it.
 pub fn demonstrated_return(runs: &[&Run]) -> Option<f64> {
     let learners = runs.iter().filter(|run| run.spec.demonstration.is_some());
     let recordings: Vec<&Recording> = learners.filter_map(|run| run.recording()).collect();

@@ -1,4 +1,4 @@
-//! The figures that the paper prints.
+//! The numbers that the paper prints.
 //!
 //! Owns `reference.toml`, the transcription of the appendix's Tables 2 to 5 with the margin of
 //! verdicts, and typed access to it. Knows nothing of what was recorded here. Start at [`returns`]
@@ -24,7 +24,7 @@ pub struct PaperValue {
 impl PaperValue {
     /// Evaluation episodes behind the mean (appendix, E.2).
     pub const EPISODES: f64 = 50.0;
-    /// Seeds of which the best one's policy is evaluated (appendix, E.2).
+    /// The number of seeds, of which the best one's policy is evaluated (appendix, E.2).
     pub const SEEDS: usize = 5;
 }
 
@@ -76,11 +76,11 @@ pub struct Constraint {
     pub epsilon: f64,
 }
 
-/// What the authors' demonstration in one environment is like.
+/// The properties of the authors' demonstration in one environment.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 pub struct Demonstration {
     gym: String,
-    /// Its length.
+    /// Its length in steps.
     pub steps: usize,
     /// The rms of its actions, in units of the action.
     pub action_rms: f64,
@@ -88,7 +88,7 @@ pub struct Demonstration {
     pub mmd_of_doing_nothing: f64,
 }
 
-/// What returns of one environment are measured by.
+/// The scale of returns in one environment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scale {
     /// The random policy's return.
@@ -98,7 +98,7 @@ pub struct Scale {
 }
 
 impl Scale {
-    /// The difference of returns that does not count.
+    /// The margin: the difference of returns that counts as none.
     pub fn margin(self) -> f64 {
         PAPER.verdict.margin * self.distance
     }
@@ -106,7 +106,7 @@ impl Scale {
 
 #[derive(Debug, Deserialize)]
 struct Verdict {
-    /// The difference that does not count, as a share of [`Scale::distance`].
+    /// The margin, as a share of [`Scale::distance`].
     margin: f64,
 }
 
@@ -169,11 +169,11 @@ pub fn ablation(d: f64, epsilon: f64) -> Option<PaperValue> {
         .map(|row| row.mcpo)
 }
 
-/// Environment steps that a run like `spec` needs to be compared with the paper, which does not
-/// print its own.
+/// Environment steps that a run like `spec` needs for a comparison with the paper, which does not
+/// print its budget.
 ///
 /// This project's choice: 2e5 for MountainCar and InvertedPendulum, 1e6 for InvertedDoublePendulum,
-/// 3e6 for the others; none for an algorithm that takes no step of training.
+/// 3e6 for the others; 0 for an algorithm that does not train.
 pub fn assumed_budget(spec: &RunSpec) -> u64 {
     match spec.env.name() {
         _ if !spec.algorithm.trains() => 0,

@@ -1,4 +1,4 @@
-//! What of an experiment a report is of, where that is not the file as it stands.
+//! The part or variant of an experiment that a report covers.
 //!
 //! Owns the name of the report's folder and what its heading says. Knows nothing of runs. A part of
 //! the file's runs gets a folder of its own, so that it never takes the place of the whole report.
@@ -11,10 +11,10 @@ use crate::plan::Selection;
 /// The longest name of a folder, beyond which a digest stands for the rest.
 const LONGEST: usize = 100;
 
-/// The options that a report was asked for with, as they were written.
+/// The options that a report was requested with, as they were typed.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Scope {
-    /// `--only`: the runs that count.
+    /// `--only`: the selection of runs.
     pub only: Vec<String>,
     /// `--axis`: lists in place of the file's.
     pub axis: Vec<String>,
@@ -23,7 +23,7 @@ pub struct Scope {
 }
 
 impl Scope {
-    /// The runs that count; `None` for all.
+    /// The selection of runs; `None` for all.
     ///
     /// # Errors
     ///
@@ -34,7 +34,8 @@ impl Scope {
             .transpose()?)
     }
 
-    /// `report`; for a part of the file's runs, that with their names (`report-only-seed=0`).
+    /// The folder's name: `report`, followed by the options where there are any
+    /// (`report-only-seed=0`).
     pub fn folder(&self) -> String {
         let parts = [("only", &self.only), ("axis", &self.axis)];
         let given = parts.iter().filter(|(_, values)| !values.is_empty());

@@ -1,8 +1,7 @@
-//! Tables of what was set, from the specifications as they were resolved.
+//! Tables of settings, from the resolved specifications.
 //!
-//! Owns which values are one and which differ by algorithm or environment. Knows nothing of
-//! returns. Start at
-//! [`SettingsData::new`].
+//! Owns which values are shared and which differ by algorithm or environment. Knows nothing of
+//! returns. Start at [`SettingsData::new`].
 
 use std::collections::BTreeSet;
 
@@ -12,25 +11,25 @@ use crate::{
     spec::{Key, SettingsTable, Shown},
 };
 
-/// One table of what was set.
+/// One table of settings.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SettingsData {
-    /// Above the table.
+    /// The title above the table.
     pub title: String,
-    /// Above the columns.
+    /// The headers of the columns.
     pub headers: Vec<String>,
-    /// Cells, one a header.
+    /// The rows, each with one cell per header.
     pub rows: Vec<Vec<String>>,
-    /// How many columns, the first ones, say what a row is.
+    /// The number of leading columns that name a row.
     pub names: usize,
-    /// What a reader must know beside it.
+    /// Notes for the reader, a sentence each.
     pub notes: Vec<String>,
 }
 
 impl SettingsData {
-    /// What `table` shows of `runs`, which are those that its `only` selects: with rows, one column
-    /// a parameter; without, one row a parameter, once where all algorithms that have it agree, and
-    /// else by algorithm.
+    /// Builds `table` for `runs`, which are those that its `only` selects. With rows, there is one
+    /// column per parameter. Without, there is one row per parameter: a single one where all
+    /// algorithms that have it agree, and otherwise one per algorithm.
     pub fn new(table: &SettingsTable, runs: &[&Run]) -> Self {
         let (names, headers, rows) = if table.rows.is_empty() {
             let headers = ["method", "parameter", "value"].map(str::to_owned).to_vec();
@@ -77,7 +76,7 @@ impl SettingsData {
     }
 }
 
-/// What a reader calls it.
+/// The label of a parameter for a reader.
 fn label(shown: &Shown) -> String {
     match shown {
         Shown::Parameter(parameter) => axis::parameter_label(parameter),
@@ -112,8 +111,8 @@ fn by_algorithm(shown: &Shown, runs: &[&Run]) -> Vec<Vec<String>> {
     }
 }
 
-/// The value of `shown` in `runs`: the one that most environments have, and in brackets those of
-/// the others; nothing where none has it.
+/// The value of `shown` in `runs`: the one that most environments have, followed by the others in
+/// brackets; empty where no run has one.
 fn said(shown: &Shown, runs: &[&Run]) -> String {
     let mut by_value: Vec<(String, BTreeSet<EnvId>)> = Vec::new();
     let values: Vec<(EnvId, toml::Value)> = runs
@@ -148,7 +147,7 @@ fn said(shown: &Shown, runs: &[&Run]) -> String {
     }
 }
 
-/// The value of a parameter, or of what belongs to an environment or a recorded demonstration.
+/// The value of a parameter, or of a property of the environment or the recorded demonstration.
 fn value(shown: &Shown, run: &Run) -> Option<toml::Value> {
     let count = |count: usize| toml::Value::Integer(count as i64);
     match shown {

@@ -1,5 +1,5 @@
-//! One number for many environments: the summaries that Agarwal et al. (2021) ask for, of each
-//! method.
+//! One number for many environments: for each method, the summaries that Agarwal et al. (2021)
+//! recommend.
 //!
 //! Owns how returns become scores, and which runs are a method's. The summaries themselves are
 //! [`stats`](crate::stats)'. Start at
@@ -29,7 +29,7 @@ use crate::{
     stats::{Aggregates, Bootstrap, Estimate, performance_profile, probability_of_improvement},
 };
 
-/// The return that training is timed to, as a score.
+/// The score whose first evaluation times a method's training.
 pub const HALF: f64 = 0.5;
 
 /// Resamples behind an interval of an aggregate, and behind one of a curve's points.
@@ -42,49 +42,50 @@ const THRESHOLDS: usize = 101;
 /// The summaries of an experiment over its environments.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StatisticsData {
-    /// What the methods are told apart by.
+    /// The keys that distinguish the methods.
     pub keys: Vec<Key>,
     /// The methods with a score, in the plan's order.
     pub methods: Vec<Method>,
-    /// Which of them the others are compared with.
+    /// The index of the method that the others are compared with.
     pub base: usize,
     /// The shares of scores above each threshold, as a figure.
     pub profile: CurveData,
-    /// What the numbers mean, a sentence each.
+    /// Notes on how to read the numbers, a sentence each.
     pub notes: Vec<String>,
 }
 
 /// One method: an algorithm with its settings.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Method {
-    /// Its name.
+    /// The method's label.
     pub label: Label,
-    /// Environments with a score.
+    /// The number of environments in which it has a score.
     pub environments: usize,
-    /// Scores, over all environments.
+    /// The number of its scores over all environments.
     pub scores: usize,
     /// Aggregates of its scores after training.
     pub aggregates: Aggregates,
     /// The mean over environments of the area under its learning curves, over their length.
     pub area: Option<f64>,
     /// The median over runs of the share of the budget after which a score of one half was first
-    /// evaluated; infinite where most runs never had it.
+    /// evaluated; infinite where most runs never reached it.
     pub half: f64,
-    /// The probability that the base's score is above its; `None` of the base itself, and where
-    /// they share no environment.
+    /// The probability that the base's score is above this method's; `None` for the base itself,
+    /// and where they share no environment.
     pub below_base: Option<Estimate>,
 }
 
 /// The scores of a method, environment by environment.
 type Scores = BTreeMap<EnvId, Vec<f64>>;
 
-/// What a method is called, its look, its scores, and the runs behind them.
+/// A method's label, its look, its scores, and the runs behind them.
 type Found<'a> = (Label, usize, Scores, Vec<&'a Run>);
 
 impl StatisticsData {
     /// The summaries of `runs`; `None` where fewer than two environments have a finished run of
     /// every method that has any.
     pub fn new(runs: &[Run], identities: &Identities) -> Option<Self> {
+        // Scores need the paper's Random and Expert, so other environments do not count.
         let known: Vec<&Run> = runs
             .iter()
             .filter(|run| reference::scale(run.spec.env.name()).is_some())
@@ -175,7 +176,7 @@ impl Method {
     }
 }
 
-/// The same numbers for a method, whatever else is summed up.
+/// A fresh generator, so that a method gets the same numbers whatever else is summarised.
 fn rng() -> Rng {
     Seed(0).stream(Stream::Bootstrap, 0)
 }
@@ -186,7 +187,7 @@ pub fn score(env: EnvId, value: f64) -> Option<f64> {
     Some((value - scale.random) / scale.distance)
 }
 
-/// One score a run that has ended, in the environments where one finished.
+/// One score per run that has ended, in the environments where at least one finished.
 fn scores(runs: &[&Run]) -> Scores {
     let mut scores = Scores::new();
     for run in runs.iter().filter(|run| run.recording().is_some()) {
@@ -220,7 +221,7 @@ fn area(runs: &[&Run], env: EnvId) -> Option<f64> {
 }
 
 /// The share of its budget after which a run was first evaluated with [`HALF`]; infinite where it
-/// never was, or failed.
+/// never was, or where the run failed.
 fn half(run: &Run) -> Option<f64> {
     let recording = match &run.state {
         State::Finished(recording) => recording,
@@ -257,6 +258,7 @@ fn profile(found: &[Found<'_>], keys: &[Key]) -> CurveData {
             .flat_map(|(_, _, scores, _)| scores.values().flatten())
     };
     let quarter = |end: f64| (4.0 * end).round() / 4.0;
+    // A few extreme scores must not stretch the axis, so it ends at -1 and 2 at the latest.
     let low = quarter((4.0 * all().copied().fold(0.0, f64::min)).floor() / 4.0).max(-1.0);
     let high = quarter((4.0 * all().copied().fold(1.0, f64::max)).ceil() / 4.0).min(2.0);
     let threshold = |index: usize| low + (high - low) * index as f64 / (THRESHOLDS - 1) as f64;

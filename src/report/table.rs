@@ -3,9 +3,9 @@
 //! Owns which runs share a row, a column and a cell; what a cell says of them is [`Cell`]'s. Knows
 //! nothing of Markdown or LaTeX. Start at [`TableData::of_report`].
 //!
-//! The paper's value stands beside runs of the paper's setting alone: `paper_value` says which
-//! those are. How both are compared is the module `verdict`'s. With fewer than three finished
-//! seeds, or fewer steps than [`reference::assumed_budget`], they are not.
+//! The paper's value stands only beside runs with the paper's setting: `paper_value` says which
+//! those are. The module `verdict` compares the two, unless there are fewer than three finished
+//! seeds, or fewer steps than [`reference::assumed_budget`].
 
 use std::collections::HashMap;
 
@@ -21,13 +21,14 @@ use crate::spec::{Key, Table};
 /// One table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TableData {
-    /// Above the table.
+    /// The title above the table.
     pub title: String,
-    /// What the rows are told apart by, as the file names it.
+    /// The keys that distinguish rows, as the file names them.
     pub row_keys: Vec<Key>,
-    /// What the columns are told apart by: first what was asked for, then what else varies.
+    /// The keys that distinguish columns: first those that were asked for, then whatever else
+    /// varies.
     pub column_keys: Vec<Key>,
-    /// One a column.
+    /// One label per column.
     pub columns: Vec<Label>,
     /// The rows, in the plan's order.
     pub rows: Vec<Row>,
@@ -37,7 +38,7 @@ pub struct TableData {
 
 impl TableData {
     /// All tables of a report, each with the runs that its `only` selects, in the plan's order.
-    /// Their verdicts allow for each other.
+    /// Their verdicts are corrected for the number of all cells.
     pub fn of_report(tables: &[(&Table, Vec<&Run>)]) -> Vec<Self> {
         let mut made: Vec<Self> = tables
             .iter()
@@ -59,6 +60,8 @@ impl TableData {
     fn without_verdicts(table: &Table, runs: &[&Run]) -> Self {
         let mut column_keys = vec![table.columns.clone()];
         let known: Vec<Key> = table.rows.iter().chain(&column_keys).cloned().collect();
+        // Runs that differ in another axis must not share a cell: an environment becomes a key of
+        // rows, any other axis a key of columns.
         let (env, others): (Vec<_>, Vec<_>) = axis::hidden_axes(runs, &known)
             .into_iter()
             .partition(|key| *key == Key::Env);
@@ -77,6 +80,7 @@ impl TableData {
             .collect();
         let groups = axis::group(runs, &row_keys);
         let labels = axis::value_labels(&groups);
+        // A row that spans environments has no single demonstration.
         let one_env = row_keys.contains(&Key::Env);
         let rows = groups.iter().zip(labels).map(|(row, labels)| {
             let mut cells: Vec<Vec<&Run>> = vec![Vec::new(); columns.len()];

@@ -7,11 +7,11 @@
 //! # The verdict
 //!
 //! The paper prints the return of one policy, the best of five seeds', over 50 episodes. So what is
-//! compared is the **expected best of five** seeds, ours less the paper's; the paper's is known by
-//! that one draw alone. [`best_of`](crate::stats::best_of) derives the exact interval for it under
-//! two assumptions: seeds are normal, and the paper's deviate from each other as ours do (it does
-//! not print how they do; what it prints is the deviation over episodes, whose standard error is
-//! the least that its value can have, and where ours is less, the rest is added).
+//! compared is the **expected best of five** seeds, ours less the paper's; the paper's is known
+//! only from that one draw. [`best_of`](crate::stats::best_of) derives the exact interval for it
+//! under two assumptions: seeds are normal, and the paper's deviate from each other as ours do (it
+//! does not print that deviation). It prints the deviation over episodes, whose standard error is
+//! the least that its value can have; where our deviation is smaller than that, the rest is added.
 //!
 //! The margin is `reference.toml`'s share of the paper's Expert - Random in the environment. Two
 //! one-sided tests at 5 % (Schuirmann, 1987; Lakens, 2017), which is to say the 90 % interval, give
@@ -34,16 +34,16 @@ use super::{
     reference::{PaperValue, Scale},
 };
 
-/// Seeds without which a verdict would mean nothing.
+/// With fewer seeds, a verdict would mean nothing.
 pub const SEEDS_FOR_VERDICT: usize = 3;
 
-/// The error that a verdict allows itself.
+/// The error rate of a verdict.
 pub const ALPHA: f64 = 0.05;
 
-/// Beyond so many seeds it does not matter how many.
+/// The largest number of needed seeds that is reported exactly.
 const MOST_SEEDS: usize = 1000;
 
-/// Ours against the paper's.
+/// The verdict on our value, judged by the paper's.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Verdict {
     /// The difference is within the margin.
@@ -52,14 +52,14 @@ pub enum Verdict {
     Better,
     /// Ours is below the paper's by more than the margin.
     Worse,
-    /// Neither can be said; what would decide it.
+    /// The seeds decide none of these; with what would decide it.
     Inconclusive(String),
-    /// Too few seeds or steps; the reason.
+    /// There are too few seeds or steps; with the reason.
     NotComparable(String),
 }
 
 impl Verdict {
-    /// In words.
+    /// The verdict in words.
     pub fn text(&self) -> String {
         match self {
             Self::Reproduced => "reproduced".to_owned(),
@@ -71,19 +71,19 @@ impl Verdict {
     }
 }
 
-/// The expected best of five seeds: ours less the paper's.
+/// The comparison of the expected best of five seeds: ours less the paper's.
 ///
-/// Its `p` counts once all cells of the report are settled.
+/// Its `p` is valid once all cells of the report are settled.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Comparison {
-    /// Ours, for any distribution of seeds; absent for fewer than five.
+    /// Our expected best of five, for any distribution of seeds; absent for fewer than five.
     pub expected_best: Option<f64>,
-    /// The difference that does not count.
+    /// The margin: the difference that counts as none.
     pub margin: f64,
-    /// The p value of better or worse, after the correction over the cells of the report.
+    /// The p value of better or worse, corrected over the cells of the report.
     pub p: f64,
     paper: PublishedBest,
-    /// Without the runs that failed, and where there are such with them.
+    /// The samples without the failed runs and, where there are any, those with them.
     ways: Vec<Samples>,
     failed: usize,
 }
@@ -134,7 +134,8 @@ impl Comparison {
         )
     }
 
-    /// The p value of better or worse for this cell alone, and which of both it is of.
+    /// The p value of better or worse for this cell alone, and the one of the two that it belongs
+    /// to.
     fn beyond(&self) -> (f64, Verdict) {
         let greatest = |p: fn(&Self, Samples) -> f64| {
             self.ways
@@ -151,22 +152,22 @@ impl Comparison {
         ((2.0 * p).min(1.0), verdict)
     }
 
-    /// The p value of the difference not being below the margin.
+    /// The p value of the hypothesis that ours is not worse by more than the margin.
     fn not_worse(&self, ours: Samples) -> f64 {
         1.0 - self.paper.confidence_below(ours, -self.margin)
     }
 
-    /// The p value of the difference not being above the margin.
+    /// The p value of the hypothesis that ours is not better by more than the margin.
     fn not_better(&self, ours: Samples) -> f64 {
         self.paper.confidence_below(ours, self.margin)
     }
 
-    /// The p value of the difference not being within the margin.
+    /// The p value of the hypothesis that the difference is not within the margin.
     fn not_within(&self, ours: Samples) -> f64 {
         (1.0 - self.not_worse(ours)).max(1.0 - self.not_better(ours))
     }
 
-    /// The verdict of one among `family` cells, whose corrected p value is known.
+    /// The verdict on this cell, one of `family`, once its p value is corrected.
     fn verdict(&self, family: usize) -> Verdict {
         if self.ways.iter().all(|way| self.not_within(*way) <= ALPHA) {
             Verdict::Reproduced
@@ -195,8 +196,8 @@ impl Comparison {
         }
     }
 
-    /// How many seeds of the same mean and deviation would decide, and how; `None` where no number
-    /// would.
+    /// The number of seeds with the same mean and deviation that would decide, and the verdict
+    /// then; `None` where no number would.
     fn seeds_needed(&self, ours: Samples, family: usize) -> Option<(usize, Verdict)> {
         let decided = |n: usize| {
             let (more, alpha) = (Samples { n, ..ours }, ALPHA / 2.0 / family as f64);
@@ -226,7 +227,8 @@ impl Comparison {
     }
 }
 
-/// Corrects the p values of `cells`, all that a report compares, and gives their verdicts.
+/// Corrects the p values of `cells`, which are all that a report compares, and returns their
+/// verdicts.
 pub fn settle(cells: &mut [&mut Comparison]) -> Vec<Verdict> {
     correct(cells);
     cells.iter().map(|cell| cell.verdict(cells.len())).collect()

@@ -27,7 +27,7 @@ use crate::{
     spec::{ExperimentSpec, Figure, Key, Reference, Selection, Table},
 };
 
-/// What was written of one experiment.
+/// The report of one experiment, as it was written.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Written {
     /// The files, in order.
@@ -42,20 +42,21 @@ pub struct Written {
     pub state: String,
 }
 
-/// Makes the report of `spec`, or of the part of it that `scope` says, from what is recorded under
-/// `results`, and writes it to `results/<experiment>/report`, or beside it ([`Scope::folder`]).
-/// Files of an earlier report that this one has not are removed.
+/// Makes the report of `spec`, or of the part of it that `scope` selects, from the records under
+/// `results`. Writes it to `results/<experiment>/report`, or beside it ([`Scope::folder`]). Removes
+/// files of an earlier report that this one no longer has.
 ///
 /// An experiment without figures or tables of its own gets learning curves and a table of all of
 /// its runs. A run that cannot be read is a failed one.
 ///
 /// # Errors
 ///
-/// Nothing is recorded, the scope means no run, or the disk refuses.
+/// Nothing is recorded, the scope matches no run, or the disk refuses.
 pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Written, ReportError> {
     let (home, whole, plan) = planned(spec, results, scope)?;
     let identities = identities(&whole);
     let figures = figures(spec);
+    // Only the columns of progress that are drawn or judged are read.
     let drawn = figures.iter().filter_map(|figure| figure.y.measure());
     let of_claims = spec.claims.iter().flat_map(claims::measure::columns);
     let columns: Vec<_> = drawn.flat_map(curve::columns).chain(of_claims).collect();
@@ -129,6 +130,7 @@ pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Wri
     let (name, description) = (&spec.name, escape::markdown(&spec.description));
     let page = format!("# {name}\n\n{description}\n\n{first}\n\n{lines}{body}");
     files.write("README", "md", page.as_bytes())?;
+    // Files of an earlier report are removed only after all of this one are written.
     files.close()?;
     let open = count
         - runs
@@ -144,11 +146,11 @@ pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Wri
     })
 }
 
-/// The folder of `spec` under `results`, its runs, and those of them that `scope` means.
+/// The folder of `spec` under `results`, its runs, and those of them that `scope` selects.
 ///
 /// # Errors
 ///
-/// Nothing is recorded, or the scope means no run.
+/// Nothing is recorded, or the scope matches no run.
 pub fn planned(
     spec: &ExperimentSpec,
     results: &Path,
@@ -189,7 +191,7 @@ pub fn figures(spec: &ExperimentSpec) -> Vec<Figure> {
     }]
 }
 
-/// The looks of the file's series: seeds apart, which have none.
+/// The looks of the file's series. Seeds have no look of their own.
 pub fn identities(plan: &[RunSpec]) -> Identities {
     let cells: BTreeMap<&str, &RunSpec> = plan
         .iter()
@@ -227,15 +229,15 @@ fn tables(spec: &ExperimentSpec, runs: &[Run]) -> Vec<Table> {
     }]
 }
 
-/// The runs that `only` means; all where it is absent.
+/// The runs that `only` selects; all where it is absent.
 pub fn selected<'a>(runs: &'a [Run], only: Option<&Selection>) -> Vec<&'a Run> {
     runs.iter()
         .filter(|run| only.is_none_or(|selection| run.is_in(selection)))
         .collect()
 }
 
-/// Takes away the environments of which no run has ended, unless that is so of all, and names them:
-/// who asked for one environment alone gets no empty rows and panels of the others.
+/// Removes the environments in which no run has ended, unless none has ended anywhere, and returns
+/// their names. So a user who has run one environment gets no empty rows and panels for the others.
 fn leave_out_untouched(runs: &mut Vec<Run>) -> Vec<&'static str> {
     let ended = |run: &Run| !matches!(run.state, State::Missing) || run.under_way.is_some();
     let touched: BTreeSet<EnvId> = runs
@@ -257,8 +259,8 @@ fn leave_out_untouched(runs: &mut Vec<Run>) -> Vec<&'static str> {
     untouched
 }
 
-/// `12 of 35 runs finished.`, with how many were recorded otherwise, and of which environments none
-/// has ended.
+/// `12 of 35 runs finished.`, with the number of runs recorded under other settings, and the
+/// environments in which none has ended.
 fn finished(runs: &[Run], planned: usize, untouched: &[&str]) -> String {
     let counts = notes::finished(runs.iter(), planned);
     match untouched {
@@ -270,7 +272,7 @@ fn finished(runs: &[Run], planned: usize, untouched: &[&str]) -> String {
     }
 }
 
-/// What was recorded by another specification: a line for each that differs in its own way.
+/// The runs recorded under another specification: one line per set of differences.
 fn left_out(runs: &[Run]) -> Vec<String> {
     let mut groups: BTreeMap<&[String], Vec<String>> = BTreeMap::new();
     for run in runs {

@@ -1,5 +1,5 @@
-//! The queue: starts what is due, longest first, hears what the workers tell, and records what they
-//! could not.
+//! The queue: starts the due runs, longest first, listens to the workers, and records what they
+//! could not record themselves.
 
 use std::{
     collections::{BTreeMap, VecDeque},
@@ -19,10 +19,10 @@ use super::{
 };
 use crate::record::Claim;
 
-/// The pause between two looks at everything.
+/// The pause between two rounds of the loop.
 const TICK: Duration = Duration::from_millis(100);
-/// A longer pause was none of the loop's: the program itself stood still, stopped by Ctrl-Z or with
-/// the whole machine.
+/// A longer pause does not come from the loop: the program itself stood still, stopped by Ctrl-Z or
+/// together with the whole machine.
 const STOOD_STILL: Duration = Duration::from_secs(1);
 /// The pause between two looks at the runs of other processes.
 const LOOK_AROUND: Duration = Duration::from_secs(1);
@@ -32,27 +32,27 @@ const LOOK_AROUND: Duration = Duration::from_secs(1);
 pub struct Options {
     /// Runs at a time.
     pub jobs: usize,
-    /// Threads that share a run's work. `None`: one, and the places of `jobs` that no run will take
-    /// are shared among those that start last.
+    /// Threads that share a run's work. `None`: one thread each; when fewer runs than `jobs` are
+    /// left, the last ones to start share the free places.
     pub threads: Option<usize>,
     /// How often a run that failed is tried again, each time from its last checkpoint.
     pub retries: u32,
     /// Whether the first failure stops everything.
     pub fail_fast: bool,
-    /// A worker that tells nothing for so long is killed.
+    /// A worker that is silent for this long is killed.
     pub hang_timeout: Duration,
     /// Whether logs hold every iteration.
     pub verbose: bool,
 }
 
-/// What became of the runs that were due.
+/// The outcome of the runs that were due.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Summary {
-    /// How many finished, in this process or another.
+    /// The number of runs that finished, in this process or another.
     pub finished: usize,
     /// The ids and errors of those that failed.
     pub failed: Vec<(String, String)>,
-    /// How many were stopped or not begun.
+    /// The number of runs that were stopped or not begun.
     pub left: usize,
     /// Whether somebody asked for a stop.
     pub interrupted: bool,
@@ -101,7 +101,7 @@ struct Campaign<'a> {
     costs: &'a CostModel,
     executor: &'a mut dyn Executor,
     progress: &'a mut Progress,
-    /// Runs that wait, by their place in `due`.
+    /// Waiting runs, by their index in `due`.
     queue: VecDeque<usize>,
     running: BTreeMap<usize, Worker>,
     /// Runs that another process has claimed.
@@ -115,7 +115,7 @@ struct Campaign<'a> {
     summary: Summary,
 }
 
-/// Whether the system has no more to give for now: files, processes, threads or memory.
+/// Whether the system has run out of files, processes, threads or memory for now.
 fn is_exhaustion(error: &io::Error) -> bool {
     #[cfg(unix)]
     {
@@ -132,18 +132,18 @@ fn is_exhaustion(error: &io::Error) -> bool {
 /// A job under way.
 struct Worker {
     began: Instant,
-    /// How long it has told nothing while the campaign listened.
+    /// How long it has been silent while the campaign listened.
     silent: Duration,
-    /// Absent until it has begun.
+    /// Environment steps so far; absent until it has begun.
     env_steps: Option<u64>,
     last_return: Option<f64>,
-    /// Its last word: finished, stopped, claimed or failed.
+    /// Its final event: finished, stopped, claimed or failed.
     verdict: Option<Event>,
     hung: bool,
 }
 
 impl Worker {
-    /// What is told of one that has finished.
+    /// The message about a worker that has finished.
     fn finished(&self) -> String {
         let mean = self
             .last_return
@@ -227,6 +227,7 @@ impl Campaign<'_> {
                 self.running.insert(number, worker);
             }
             Err(error) if is_exhaustion(&error) && !self.running.is_empty() => {
+                // Running jobs will free what is missing, so the run waits instead of failing.
                 self.options.jobs = self.running.len();
                 self.queue.push_front(number);
                 let jobs = self.options.jobs;
@@ -288,7 +289,7 @@ impl Campaign<'_> {
             Some(Event::Stopped) => {
                 self.progress.leave(number);
                 if !self.stopping {
-                    // Somebody stopped this one alone, who will know why.
+                    // Somebody stopped this run alone, and will know why.
                     self.progress.complain(&format!(
                         "{}: stopped from outside",
                         self.due[number].spec.id
@@ -316,7 +317,7 @@ impl Campaign<'_> {
         }
     }
 
-    /// Counts a run as finished; `how` is told.
+    /// Counts a run as finished, and shows `how`.
     fn finish(&mut self, number: usize, how: &str) {
         self.summary.finished += 1;
         self.show_end(number);
@@ -329,7 +330,7 @@ impl Campaign<'_> {
             .end(number, self.costs.seconds(&self.due[number].spec));
     }
 
-    /// Leaves a run to the process that has taken it up.
+    /// Leaves a run to the process that has claimed it.
     fn leave(&mut self, number: usize) {
         self.progress.leave(number);
         self.progress.say(&format!(
@@ -339,8 +340,8 @@ impl Campaign<'_> {
         self.elsewhere.push(number);
     }
 
-    /// Records a failure, and tries again where that is wanted. `worker` is absent where no process
-    /// could be started.
+    /// Records a failure, and queues the run again where retries are left. `worker` is absent where
+    /// no process could be started.
     fn fail(&mut self, number: usize, worker: Option<&Worker>, error: &str, stderr: &[String]) {
         let run = &self.due[number];
         let again = !self.stopping && self.failures[number] < self.options.retries;
@@ -352,7 +353,7 @@ impl Campaign<'_> {
             !again,
         );
         match kept {
-            // Its process died between the last record and its last word.
+            // Its process died after it had recorded the run and before it could say so.
             Ok(Found::Finished) => {
                 let here =
                     worker.map(|worker| format!("{}; after that: {error}", worker.finished()));
@@ -405,7 +406,7 @@ impl Campaign<'_> {
         }
     }
 
-    /// Lets a run wait, behind those that will take as long or longer.
+    /// Puts a run into the queue, behind those that will take as long or longer.
     fn queue_up(&mut self, number: usize) {
         let seconds = |number: usize| self.costs.seconds(&self.due[number].spec);
         let place = self
@@ -414,7 +415,7 @@ impl Campaign<'_> {
         self.queue.insert(place, number);
     }
 
-    /// Takes up the runs of other processes that let go of them.
+    /// Takes over runs that other processes have let go of.
     fn look_around(&mut self) {
         if self.looked_around.elapsed() < LOOK_AROUND {
             return;
@@ -422,7 +423,7 @@ impl Campaign<'_> {
         self.looked_around = Instant::now();
         for number in std::mem::take(&mut self.elsewhere) {
             let run = &self.due[number];
-            // What cannot be read is for a worker to tell.
+            // If the claim cannot be read, a worker will report why.
             if matches!(Claim::is_held(&run.paths), Ok(true)) {
                 self.elsewhere.push(number);
                 continue;

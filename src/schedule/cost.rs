@@ -1,5 +1,5 @@
-//! How long a run will take: from recorded speeds where there are any, else from the costs of
-//! physics and networks.
+//! The expected duration of a run: from recorded speeds where there are any, and otherwise from the
+//! costs of physics and networks.
 
 use std::collections::BTreeMap;
 

@@ -1,8 +1,8 @@
 //! An element of a submission: a small campaign of its own, wherever a cluster starts it.
 //!
-//! Its job comes from the frozen plan and what it tells goes to the runs' own files and to the
-//! cluster's log: there is nobody to listen. Its runs are processes of their own under it, so that
-//! one that dies is recorded with its cause, whatever kills it.
+//! Its job comes from the frozen plan. Nobody listens to it, so its messages go to the runs' own
+//! files and to the cluster's log. Each run is a process of its own below it, so that a run that
+//! dies is recorded with its cause, whatever killed it.
 
 use std::{
     env, io,
@@ -21,7 +21,7 @@ use super::{
 };
 use crate::record::RecordError;
 
-/// A run that makes no progress for so long is killed.
+/// A run that makes no progress for this long is killed.
 pub const HANG_TIMEOUT: Duration = Duration::from_secs(600);
 
 /// Why an element could not begin.
@@ -30,15 +30,15 @@ pub enum ElementError {
     /// Its plan cannot be used.
     #[error(transparent)]
     Plan(#[from] RecordError),
-    /// The folder where paths start is not there on this machine.
+    /// The folder where paths start does not exist on this machine.
     #[error("cannot go to {}, where the plan's paths start: {source}", folder.display())]
     Folder {
         /// The folder.
         folder: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
-    /// A run stands in the way of itself.
+    /// The runs cannot be prepared.
     #[error(transparent)]
     Preflight(#[from] preflight::Problems),
     /// No process can be started.
@@ -46,24 +46,24 @@ pub enum ElementError {
     SetUp(#[from] io::Error),
 }
 
-/// What became of an element.
+/// The outcome of an element.
 #[derive(Debug)]
 pub struct Ended {
-    /// What became of the runs that were due.
+    /// The outcome of the runs that were due.
     pub summary: Summary,
-    /// Whether any of them came farther than it was.
+    /// Whether any of them made progress.
     pub is_farther: bool,
 }
 
-/// Goes on with the runs of the element `index` of `plan` that have not finished.
+/// Continues the unfinished runs of the element `index` of `plan`.
 ///
 /// # Errors
 ///
-/// Whatever stands in the way of beginning.
+/// The element cannot begin.
 pub fn run(plan: &Path, index: usize, stop: &StopRequest) -> Result<Ended, ElementError> {
     let (submission, planned) = Submission::element(plan, index)?;
-    // Else what is relative would be looked for where a cluster starts programs when the folder is
-    // missing.
+    // Relative paths start in this folder. If it is missing, they must not be looked up wherever
+    // the cluster starts programs.
     env::set_current_dir(&submission.folder).map_err(|source| ElementError::Folder {
         folder: PathBuf::from(&submission.folder),
         source,

@@ -1,4 +1,4 @@
-//! What goes through the pipes between the program and its worker processes: JSON, one line each.
+//! The messages between the program and its worker processes: JSON through pipes, one line each.
 
 use std::{
     ffi::OsString,
@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::record::Stamp;
 
-/// What a worker is to do; the only line that it reads. When its stdin ends, it writes a checkpoint
-/// and leaves: so a worker whose parent dies, however it dies, stops too.
+/// A worker's job, the only line that it reads. When its stdin ends, it writes a checkpoint and
+/// exits. So a worker whose parent dies, however that happens, stops too.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Job {
     /// The folder of all results, whose name need not be text.
@@ -23,13 +23,13 @@ pub struct Job {
     pub threads: usize,
 }
 
-/// What a worker tells.
+/// A message from a worker.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Event {
-    /// It holds the run's claim, and trains.
+    /// The worker holds the run's claim, and trains.
     Began {
-        /// The environment steps of the checkpoint that it goes on from; 0 when it begins anew.
+        /// The environment steps of the checkpoint that it continues from; 0 for a new run.
         from_env_steps: u64,
     },
     /// An iteration ended.
@@ -39,8 +39,8 @@ pub enum Event {
         /// Mean training return of the episodes that ended in it.
         training_return: Option<f64>,
     },
-    /// It works, though no iteration ended: it evaluates, learns from the demonstration, or waits
-    /// for another run that does.
+    /// The worker is alive although no iteration ended: it evaluates, learns from the
+    /// demonstration, or waits for another run that does.
     Alive,
     /// An evaluation ended.
     Evaluation {
@@ -51,32 +51,32 @@ pub enum Event {
         /// Whether it was the last.
         last: bool,
     },
-    /// Something that whoever watches should know, and that is no reason to stop.
+    /// A warning for the user, which is no reason to stop.
     Warned {
-        /// In a sentence.
+        /// The warning, in a sentence.
         text: String,
     },
     /// Everything is recorded.
     Finished,
-    /// It was asked to stop, and left a checkpoint.
+    /// The worker was asked to stop, and left a checkpoint.
     Stopped,
     /// Another process works on this run.
     Claimed,
-    /// It gave up.
+    /// The run failed.
     Failed {
         /// The cause, in a sentence.
         error: String,
     },
 }
 
-/// What an [`Executor`](super::Executor) passes on about a job.
+/// A message of an [`Executor`](super::Executor) about a job.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Message {
-    /// The worker told something.
+    /// The worker sent an event.
     Event(Event),
     /// Its process ended.
     Exited {
-        /// How, in words: `exit code 101`, `killed by signal 9 (SIGKILL)`.
+        /// How it ended, in words: `exit code 101`, `killed by signal 9 (SIGKILL)`.
         how: String,
         /// The last lines that it wrote to stderr.
         stderr: Vec<String>,
@@ -84,7 +84,7 @@ pub enum Message {
 }
 
 impl Event {
-    /// Tells it to the program that started this worker; gives whether anybody listens.
+    /// Sends the event to the program that started this worker; returns whether anybody listens.
     pub(super) fn tell(&self) -> bool {
         let Ok(mut line) = serde_json::to_vec(self) else {
             return false;

@@ -1,4 +1,4 @@
-//! The record of a failure that its own process could not make.
+//! The record of a failure that the failed process could not write itself.
 
 use std::{
     fs::OpenOptions,
@@ -12,15 +12,16 @@ use crate::{
     record::{Claim, Manifest, Outcome, RecordError, RunPaths},
 };
 
-/// The lines of `log.txt` and of stderr that go into `run.json`, each.
+/// The number of last lines of `log.txt`, and as many of stderr, that go into `run.json`.
 const TAIL_LINES: usize = 20;
-/// The end of `log.txt` that is searched for them, bytes.
+/// The size of the end of `log.txt` that is searched for them, bytes.
 const TAIL_BYTES: u64 = 16 << 10;
 
-/// Why a process that told nothing ended: how it did, and the first line of what it said of it.
+/// The reason why a process ended without a final event: how it ended, and the first line of its
+/// message on stderr.
 pub(super) fn cause(how: &str, stderr: &[String]) -> String {
-    // A panic's place and its message are two lines; what a failed allocation says has others
-    // behind it.
+    // A panic prints its place and its message on two lines; a failed allocation prints more lines
+    // after its message.
     let panic = stderr.iter().position(|line| line.contains("panicked at"));
     let memory = stderr
         .iter()
@@ -44,21 +45,21 @@ fn phrase(how: &str) -> String {
     }
 }
 
-/// What is recorded of a run whose process has died.
+/// The record of a run whose process has died.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Found {
-    /// The failure; or another run, which is left as it is.
+    /// The run has failed; or the record is another run's, which is left as it is.
     Failed,
-    /// That it had finished.
+    /// The run had finished.
     Finished,
-    /// Another process took it up since: what becomes of it is for that one to record.
+    /// Another process has claimed the run since, and records its outcome.
     TakenUp,
 }
 
-/// Writes into a run's manifest that an attempt ended in `error`; when that was the `last` attempt,
-/// the run has failed, and is put into its place. `env_steps` are those that the attempt came to,
-/// absent where it did not begin. Writes nothing when the run had finished, or somebody else has
-/// taken it up.
+/// Writes into a run's manifest that an attempt ended in `error`. If that was the `last` attempt,
+/// the run has failed, and is put into its final place. `env_steps` are those that the attempt
+/// reached, absent where it did not begin. Writes nothing if the run had finished, or if another
+/// process has claimed it.
 ///
 /// # Errors
 ///
@@ -81,15 +82,16 @@ pub(super) fn record(
             return Ok(Found::Failed);
         }
         Some(ended) if run.is_done(&ended) => return Ok(Found::Finished),
-        // It was to be longer; where it is longer than that already, somebody else saw to it.
+        // A finished, shorter run was to be extended. If it is already longer than planned, another
+        // process has extended it.
         Some(ended) if ended.outcome == Outcome::Finished => {
             if ended.env_steps > run.spec.trained_steps() {
                 return Ok(Found::Failed);
             }
             shorter = Some(ended);
         }
-        // An attempt that begins moves away what lies in the run's place: this was put there after
-        // it.
+        // An attempt that begins moves away what lies in the run's place, so this was put there
+        // later.
         Some(_) if env_steps.is_some() => return Ok(Found::TakenUp),
         _ => {}
     }

@@ -20,10 +20,9 @@ use super::{
     stop::StopRequest,
 };
 
-/// On Linux, the program that runs: that very one, when its file has been replaced or removed
-/// meanwhile.
+/// On Linux, the running program itself, even if its file has been replaced or removed meanwhile.
 const THIS_PROGRAM: &str = "/proc/self/exe";
-/// The lines of stderr that are kept of each process.
+/// The number of last lines of stderr that are kept of each process.
 const STDERR_LINES: usize = 40;
 /// The length at which a line of stderr is cut, bytes.
 const STDERR_WIDTH: usize = 1000;
@@ -52,7 +51,7 @@ pub fn run(
     ))
 }
 
-/// One process a job.
+/// An executor with one process per job.
 #[derive(Debug)]
 struct LocalProcesses {
     program: PathBuf,
@@ -65,7 +64,7 @@ struct LocalProcesses {
 struct Process {
     child: Child,
     stderr: JoinHandle<Vec<String>>,
-    /// Whether its stdout has ended, which it does when the process does.
+    /// Whether its stdout has ended, as it does when the process ends.
     silent: bool,
 }
 
@@ -76,12 +75,13 @@ enum Told {
 }
 
 impl LocalProcesses {
-    /// Processes of this very program, also when another is built under way: what computes a run is
-    /// what its stamp says. Systems other than Linux start what they find in the program's file.
+    /// An executor that starts this very program, even if another is built meanwhile, so that a run
+    /// is computed by the program that its stamp names. Systems other than Linux start whatever
+    /// they find in the program's file.
     ///
     /// # Errors
     ///
-    /// Its file is gone.
+    /// The program's file is gone.
     fn new() -> io::Result<Self> {
         let (sender, receiver) = mpsc::channel();
         let this = Path::new(THIS_PROGRAM);
@@ -98,7 +98,7 @@ impl LocalProcesses {
         })
     }
 
-    /// A process that has ended since the last look.
+    /// The number of a job whose process has ended since the last look, with its message.
     fn reap(&mut self) -> Option<(usize, Message)> {
         let ended = self
             .processes
@@ -127,6 +127,7 @@ impl Executor for LocalProcesses {
         let mut line = serde_json::to_vec(job)?;
         line.push(b'\n');
         let mut command = Command::new(&self.program);
+        // A program started through /proc would otherwise be called `exe` in lists of processes.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::arg0(&mut command, env!("CARGO_PKG_NAME"));
         let mut child = command
@@ -148,11 +149,12 @@ impl Executor for LocalProcesses {
         let stderr = match listen() {
             Ok(stderr) => stderr,
             Err(error) => {
+                // A process that nobody listens to would block once its pipes are full.
                 child.kill().and_then(|()| child.wait())?;
                 return Err(error);
             }
         };
-        // A worker that is dead already shows it by its exit.
+        // If the worker is already dead, its exit reports that.
         let _ = stdin.write_all(&line).and_then(|()| stdin.flush());
         self.processes.insert(
             number,
@@ -200,10 +202,10 @@ impl Executor for LocalProcesses {
     }
 }
 
-/// Sends on what the process of job `number` tells on `stdout`, to its end.
+/// Passes on the events that job `number` writes to `stdout`, until that ends.
 fn pass_on(number: usize, stdout: impl Read, sender: &Sender<(usize, Told)>) {
     for line in BufReader::new(stdout).split(b'\n').map_while(Result::ok) {
-        // The physics engine may print too: what is no event is no message.
+        // The physics engine may print too, so lines that are not events are ignored.
         let Ok(event) = serde_json::from_slice(&line) else {
             continue;
         };
@@ -214,7 +216,7 @@ fn pass_on(number: usize, stdout: impl Read, sender: &Sender<(usize, Told)>) {
     let _ = sender.send((number, Told::End)); // nobody listens any more when this fails
 }
 
-/// The cores that this process may use, two threads of one core counted once.
+/// The number of cores that this process may use; two threads of one core count once.
 pub fn physical_cores() -> usize {
     let threads = thread::available_parallelism().map_or(1, usize::from);
     let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
@@ -229,7 +231,8 @@ pub fn physical_cores() -> usize {
             Some((find("physical id")?, find("core id")?))
         })
         .collect();
-    // Where the system does not say, and where fewer threads than cores are ours, threads count.
+    // Threads are counted where the system does not tell the cores, and where this process may use
+    // fewer threads than there are cores.
     if cores.is_empty() {
         threads
     } else {
@@ -242,7 +245,7 @@ fn last_lines(stream: impl Read) -> Vec<String> {
     let mut lines = VecDeque::new();
     let mut reader = BufReader::new(stream);
     let mut line = Vec::new();
-    // A line without end must not fill the memory: what is longer comes in pieces.
+    // An endless line must not fill the memory, so a longer one is read in pieces.
     while reader
         .by_ref()
         .take(STDERR_WIDTH as u64)

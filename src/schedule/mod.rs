@@ -1,10 +1,10 @@
-//! From a list of runs to recorded results: which runs are due, in which order, in how many
+//! From a list of runs to recorded results: the runs that are due, their order, and their
 //! processes.
 //!
-//! Owns the queue, the worker processes and what they tell, retries, signals and the display of
+//! Owns the queue, the worker processes and their messages, retries, signals and the display of
 //! progress. Knows nothing of TOML or of what training does inside: a run is a [`Job`](event::Job)
-//! whose process tells [`Event`](event::Event)s. Start at
-//! [`campaign::run`]; [`preflight`] is what must hold before it, [`worker`] the other end of the pipe.
+//! whose process sends [`Event`](event::Event)s. Start at [`campaign::run`]; [`preflight`] is what
+//! must hold before it, [`worker`] the other end of the pipe.
 
 pub mod campaign;
 pub mod cost;
@@ -26,8 +26,7 @@ use std::{io, time::Duration};
 
 use event::{Job, Message};
 
-/// Where jobs run: processes on this machine, or a cluster's. Jobs are told apart by a number of
-/// the caller's.
+/// The place where jobs run, such as processes on this machine. The caller gives each job a number.
 pub trait Executor {
     /// Starts a job.
     ///
@@ -36,11 +35,11 @@ pub trait Executor {
     /// No process can be started.
     fn start(&mut self, number: usize, job: &Job) -> io::Result<()>;
 
-    /// The next thing that a job tells, within `timeout`. The last message of every job is
+    /// The next message of any job, within `timeout`. The last message of every job is
     /// [`Message::Exited`].
     fn wait(&mut self, timeout: Duration) -> Option<(usize, Message)>;
 
-    /// Asks a job to write a checkpoint and leave.
+    /// Asks a job to write a checkpoint and exit.
     fn stop(&mut self, number: usize);
 
     /// Ends a job at once.

@@ -1,4 +1,4 @@
-//! What must hold before anything starts, checked for all runs at once.
+//! The checks before anything starts, for all runs at once.
 
 use std::{
     collections::BTreeMap,
@@ -14,7 +14,7 @@ use crate::{
     record::{Build, Claim, Demonstrated, Origin, RecordError, RunPaths, Stamp, check_writable},
 };
 
-/// Why nothing was started.
+/// A reason why nothing was started.
 #[derive(Debug, thiserror::Error)]
 pub enum Problem {
     /// A demonstration is missing, damaged or of another environment.
@@ -26,40 +26,40 @@ pub enum Problem {
     /// Two runs would be recorded in the same place.
     #[error("two different runs would be recorded as {}", .0.display())]
     SamePlace(PathBuf),
-    /// What is recorded is of another specification.
+    /// The recorded run has another specification.
     #[error(
         "{} holds another run; it differs in {}; --results DIR records elsewhere, --fresh sets it aside and starts again",
         folder.display(),
         keys.join(", ")
     )]
     Differs {
-        /// Where it is recorded.
+        /// The folder of the recorded run.
         folder: PathBuf,
         /// The keys that differ.
         keys: Vec<String>,
     },
-    /// What is recorded cannot be used, or is damaged.
+    /// The recorded run cannot be used, or is damaged.
     #[error("{reason}; it is left untouched; --fresh sets it aside and starts again")]
     Unusable {
-        /// Why not.
+        /// Why it cannot be used.
         reason: String,
     },
-    /// What would be set aside is being written.
+    /// A run that would be set aside is being written.
     #[error("{} cannot be set aside: another process works on it", .0.display())]
     InUse(PathBuf),
     /// The results would not fit.
     #[error("{} has {available_mib} MiB left; these runs may need {needed_mib} MiB; free some space, or name another folder with --results", folder.display())]
     NoSpace {
-        /// The folder of results.
+        /// The folder of all results.
         folder: PathBuf,
-        /// What is free.
+        /// The free space, MiB.
         available_mib: u64,
-        /// What is needed.
+        /// The space that the runs may need, MiB.
         needed_mib: u64,
     },
 }
 
-/// All of them; at least one.
+/// All reasons why nothing was started; at least one.
 #[derive(Debug)]
 pub struct Problems(pub Vec<Problem>);
 
@@ -85,6 +85,7 @@ pub fn plan(specs: Vec<RunSpec>, results: &Path) -> Result<Vec<Planned>, Problem
         let Some(path) = &spec.demonstration else {
             continue;
         };
+        // Each demonstration is read once and reported once, however many runs learn from it.
         demonstrations
             .entry((path.clone(), spec.env))
             .or_insert_with(|| match demonstration(path, spec.env) {
@@ -132,7 +133,7 @@ pub fn plan(specs: Vec<RunSpec>, results: &Path) -> Result<Vec<Planned>, Problem
     }
 }
 
-/// The versions of what `spec` uses.
+/// The versions of the components that `spec` uses.
 fn versions(spec: &RunSpec) -> Versions {
     let model = spec.env.model_digest();
     Versions {
@@ -143,7 +144,7 @@ fn versions(spec: &RunSpec) -> Versions {
     }
 }
 
-/// The digest of a demonstration's file and what it holds, once it is known to fit.
+/// The digest of a demonstration's file and a description of its contents, once it is known to fit.
 fn demonstration(path: &Path, env: EnvId) -> Result<(String, Demonstrated), DemoError> {
     let demonstration = Demonstration::read_for(path, env)?;
     let episodes = demonstration.episode_starts.len();
@@ -157,12 +158,12 @@ fn demonstration(path: &Path, env: EnvId) -> Result<(String, Demonstrated), Demo
     Ok((Demonstration::digest(path)?, demonstrated))
 }
 
-/// Makes the results ready: the folder can be written to and has room, and nothing that is recorded
-/// stands in the way; what does is set aside when `fresh`. Gives each run's state.
+/// Prepares the results: checks that the folder is writable and has room, and that no existing
+/// record stands in the way. With `fresh`, such records are set aside. Returns each run's state.
 ///
 /// # Errors
 ///
-/// Whatever stands in the way, all of it; then nothing was set aside.
+/// All problems that stand in the way; then nothing was set aside.
 pub fn prepare(
     planned: &[Planned],
     results: &Path,
@@ -206,6 +207,7 @@ pub fn prepare(
         }),
         _ => {} // a file system that does not tell is no reason to refuse
     }
+    // Nothing is set aside unless everything can start.
     if !problems.is_empty() {
         return Err(Problems(problems));
     }
@@ -217,6 +219,7 @@ pub fn prepare(
             set_aside(run).map_err(|problem| Problems(vec![problem]))?;
             *state = RunState::ToDo;
         }
+        // A claimed run is settled by the process that holds it.
         if run.paths.is_unsettled()
             && let Ok(Some(_claim)) = Claim::take(&run.paths)
         {
@@ -236,8 +239,8 @@ fn set_aside(run: &Planned) -> Result<(), Problem> {
     Ok(())
 }
 
-/// What a run may take on the disk: its rows, and checkpoints and policies of the size of its
-/// networks.
+/// The space that a run may take on the disk, bytes: its rows, and checkpoints and policies of the
+/// size of its networks.
 fn bytes_needed(spec: &RunSpec) -> u64 {
     let hidden: Vec<u64> = spec
         .network

@@ -1,5 +1,5 @@
-//! How far a campaign is, for people: one bar a run and one for the whole, or a plain line now and
-//! then.
+//! The display of a campaign's progress: one bar per run and one for the whole, or a plain line now
+//! and then.
 
 use std::{
     collections::BTreeMap,
@@ -10,7 +10,7 @@ use std::{
 use crate::escape;
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-/// Plain lines are this far apart; ends of runs are told at once.
+/// The time between two plain lines; ends of runs are shown at once.
 const LINE_INTERVAL: Duration = Duration::from_secs(20);
 
 /// How progress is shown.
@@ -20,12 +20,12 @@ pub enum Style {
     Bars,
     /// Lines, for a file or a pipe.
     Lines,
-    /// Failures alone.
+    /// Only failures.
     Quiet,
 }
 
 impl Style {
-    /// Bars where stderr is a terminal, else lines; nothing when `quiet`.
+    /// The style for this stderr: bars on a terminal, otherwise lines; only failures if `quiet`.
     pub fn choose(quiet: bool) -> Self {
         match (quiet, io::stderr().is_terminal()) {
             (true, _) => Self::Quiet,
@@ -35,7 +35,7 @@ impl Style {
     }
 }
 
-/// What is shown on stderr.
+/// The progress of a campaign, as shown on stderr.
 #[derive(Debug)]
 pub struct Progress {
     style: Style,
@@ -46,7 +46,7 @@ pub struct Progress {
     last_line: Instant,
     runs: usize,
     ended: usize,
-    /// Expected seconds of work that are left and that were done since the beginning.
+    /// Expected seconds of work that are left; `work_done` are those done since the beginning.
     work_left: f64,
     work_done: f64,
     steps_done: u64,
@@ -103,7 +103,8 @@ impl Progress {
         }
     }
 
-    /// Run `number` begins at `from` of `budget` environment steps; all of it would take `seconds`.
+    /// Shows that run `number` begins at `from` of `budget` environment steps. The whole run would
+    /// take `seconds`.
     pub fn begin(&mut self, number: usize, label: &str, from: u64, budget: u64, seconds: f64) {
         let bar = self
             .screen
@@ -125,7 +126,7 @@ impl Progress {
         self.running.insert(number, running);
     }
 
-    /// Run `number` is at `env_steps`.
+    /// Shows that run `number` has reached `env_steps`.
     pub fn iteration(&mut self, number: usize, env_steps: u64, training_return: Option<f64>) {
         let Some(run) = self.running.get_mut(&number) else {
             return;
@@ -137,7 +138,7 @@ impl Progress {
         run.env_steps = env_steps;
         run.last_return = training_return.or(run.last_return);
         run.bar.set_position(env_steps.min(run.budget));
-        // What changes comes first: narrow terminals cut the end off.
+        // The changing parts come first, since narrow terminals cut off the end.
         let left = run
             .seconds_left()
             .map_or_else(String::new, |seconds| format!("{} left, ", clock(seconds)));
@@ -151,7 +152,7 @@ impl Progress {
         ));
     }
 
-    /// Run `number` was evaluated.
+    /// Shows an evaluation of run `number`.
     pub fn evaluation(&mut self, number: usize, env_steps: u64, dense_return: f64) {
         let Some(run) = self.running.get(&number).filter(|_| self.verbose) else {
             return;
@@ -163,7 +164,8 @@ impl Progress {
         ));
     }
 
-    /// Run `number` has ended, here or in another process; all of it would take `seconds`.
+    /// Shows that run `number` has ended, here or in another process. The whole run would take
+    /// `seconds`.
     pub fn end(&mut self, number: usize, seconds: f64) {
         self.ended += 1;
         self.work_left -= match self.remove(number) {
@@ -172,7 +174,7 @@ impl Progress {
         };
     }
 
-    /// Run `number` is no longer under way here, and has not ended.
+    /// Removes run `number`, which is no longer under way here and has not ended.
     pub fn leave(&mut self, number: usize) {
         if let Some(run) = self.remove(number) {
             self.work_left += run.work_per_step * run.env_steps as f64; // it will begin again, and say where
@@ -186,7 +188,8 @@ impl Progress {
         Some(run)
     }
 
-    /// Redraws the whole; to be called a few times a second.
+    /// Redraws the bar of the whole, or writes a line when one is due; to be called a few times a
+    /// second.
     pub fn tick(&mut self) {
         let status = self.status();
         let share = self.work_done / (self.work_done + self.work_left.max(0.0)).max(1e-9);
@@ -198,11 +201,12 @@ impl Progress {
         }
     }
 
-    /// Runs, speed and time left, in a line.
+    /// One line with runs, speed and time left.
     pub(super) fn status(&self) -> String {
         let elapsed = self.began.elapsed().as_secs_f64().max(1e-3);
         let speed = thousands(self.steps_done as f64 / elapsed);
-        // The whole at the rate of work so far, but no sooner than the slowest of those that run.
+        // The whole ends at the rate of work so far, but not before the slowest of the running
+        // ones.
         let by_work =
             (self.work_done > 0.0).then(|| self.work_left.max(0.0) * elapsed / self.work_done);
         let slowest = self
@@ -221,7 +225,7 @@ impl Progress {
         )
     }
 
-    /// Writes a line above the bars. A stderr that is gone is nobody's problem but its reader's.
+    /// Writes a line above the bars. Errors are ignored: if stderr is gone, nobody reads it.
     pub fn say(&self, line: &str) {
         let line = escape::terminal(line);
         match self.style {

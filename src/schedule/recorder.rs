@@ -1,5 +1,5 @@
-//! The sink of a worker: keeps what training tells, writes checkpoints, and passes on how far the
-//! run is.
+//! The sink of a worker: keeps the measurements of training, writes checkpoints, and reports the
+//! run's progress.
 
 use std::{
     fs, process,
@@ -20,18 +20,18 @@ use crate::{
     train::{EvaluationEpisode, Flow, Iteration, RunSink, SinkError, TrainError, build},
 };
 
-/// Heartbeats are no more frequent than this.
+/// The least time between two heartbeats.
 const HEARTBEAT: Duration = Duration::from_secs(1);
 
 /// A run being recorded.
 pub(super) struct Recorder<'a> {
     spec: &'a RunSpec,
     paths: RunPaths,
-    /// Held to its end.
+    /// The claim on the run, held until the recorder is dropped.
     claim: Claim,
     stop: StopRequest,
     manifest: Manifest,
-    /// The rows so far, and what the last checkpoint held beside them.
+    /// The rows so far, and the other contents of the last checkpoint.
     recorded: Checkpoint,
     from_env_steps: u64,
     seconds_before: f64,
@@ -43,7 +43,7 @@ pub(super) struct Recorder<'a> {
 }
 
 impl<'a> Recorder<'a> {
-    /// Begins an attempt that goes on from `recorded`.
+    /// Begins an attempt that continues from `recorded`.
     ///
     /// # Errors
     ///
@@ -71,7 +71,7 @@ impl<'a> Recorder<'a> {
             libm: manifest.stamp.build.libm.clone(),
             error: None,
         });
-        // In this order: a run that can be seen to have begun has a log that says so.
+        // The log comes first, so that a run that is seen to have begun has a log that says so.
         info!(
             "{} begins at {from_env_steps} of {} steps",
             spec.id,
@@ -96,8 +96,8 @@ impl<'a> Recorder<'a> {
         })
     }
 
-    /// Finds the agents that runs of these results share, and trains and keeps those that are not
-    /// there yet.
+    /// Finds the cloned agents that runs of these results share; trains and keeps those that are
+    /// missing.
     pub fn clones(
         &self,
     ) -> impl FnMut(&Pretraining<'_>, &mut dyn FnMut()) -> Result<Agent, TrainError> + use<> {
@@ -114,7 +114,7 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Writes the tables and the manifest, and puts the run into its place.
+    /// Writes the tables and the manifest, and puts the run into its final place.
     ///
     /// # Errors
     ///
@@ -230,7 +230,7 @@ impl RunSink for Recorder<'_> {
         }
         .tell();
         let stop = self.stop.is_made() || !heard;
-        // The last one is kept: from it the run goes on when it is to be longer.
+        // The last checkpoint is kept, so that the run can be extended from it.
         let ends = row.env_steps >= self.spec.budget.env_steps.get();
         if stop
             || ends
@@ -286,7 +286,7 @@ impl RunSink for Recorder<'_> {
     }
 }
 
-/// Tells that this process is alive, unless it told so within a heartbeat.
+/// Reports that this process is alive, unless it did so within the last heartbeat.
 fn signs_of_life(last: &mut Instant) {
     if last.elapsed() >= HEARTBEAT {
         *last = Instant::now();
@@ -294,7 +294,7 @@ fn signs_of_life(last: &mut Instant) {
     }
 }
 
-/// The quantities that an iteration has, as `name value`.
+/// The values that an iteration has, as `name value`.
 fn told(row: &Iteration) -> String {
     fn add(name: &str, value: &Value, told: &mut Vec<String>) {
         match value {

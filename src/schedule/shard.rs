@@ -4,7 +4,7 @@ use std::str::FromStr;
 
 use super::{cost::CostModel, state::Planned};
 
-/// Part `number` of `of`, counted from 1.
+/// Part `number` of `of` parts, counted from 1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shard {
     number: usize,
@@ -33,16 +33,15 @@ impl FromStr for Shard {
 }
 
 impl Shard {
-    /// The runs of this part, in the order of `planned`: the parts have no run in common, hold all
-    /// of them together, and take about as long as each other. It depends on the plan alone and on
-    /// nothing that is recorded, so that machines which begin at different times share out the same
-    /// parts.
+    /// The runs of this part, in the order of `planned`: the parts have no run in common, together
+    /// hold all of them, and take about equally long. They depend on the plan alone and not on any
+    /// record, so that machines that begin at different times agree on the parts.
     pub fn of(self, planned: Vec<Planned>) -> Vec<Planned> {
         let costs = CostModel::default();
         let seconds: Vec<f64> = planned.iter().map(|run| costs.seconds(&run.spec)).collect();
         let mut order: Vec<usize> = (0..planned.len()).collect();
         order.sort_by(|&a, &b| seconds[b].total_cmp(&seconds[a]));
-        // The longest first, each to the part that has least to do (Graham, 1969).
+        // The longest first, each to the part with the least work (Graham, 1969).
         let mut work = vec![0.0_f64; self.of];
         let mut part = vec![0; planned.len()];
         for run in order {

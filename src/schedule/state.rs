@@ -1,4 +1,4 @@
-//! What has become of a run so far, from what lies on the disk.
+//! The state of a run, from its files on the disk.
 
 use std::cmp::Ordering;
 
@@ -7,72 +7,72 @@ use crate::{
     record::{Checkpoint, Claim, Heartbeat, Manifest, Outcome, RecordError, RunPaths, Stamp},
 };
 
-/// What differs where no key does.
+/// The reported difference where no key differs.
 const DEMONSTRATION: &str = "the demonstration's content";
 
 /// A run with everything that its process needs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Planned {
-    /// What is to be run.
+    /// The run's specification.
     pub spec: RunSpec,
-    /// Where it is recorded.
+    /// The places of its files.
     pub paths: RunPaths,
-    /// What its files carry: the fingerprint among it.
+    /// The provenance that its files carry, with the fingerprint.
     pub stamp: Stamp,
 }
 
-/// What has become of a run.
+/// The state of a run.
 #[derive(Debug, Clone, PartialEq)]
 pub enum RunState {
     /// Nothing is recorded.
     ToDo,
-    /// It goes on from a checkpoint.
+    /// It was interrupted, and can continue from a checkpoint.
     Interrupted {
         /// The checkpoint's environment steps.
         env_steps: u64,
     },
     /// A process works on it.
     Running(Option<Heartbeat>),
-    /// It is recorded.
+    /// It has finished.
     Finished(Manifest),
     /// It finished with fewer steps than are asked for now.
     ToExtend {
-        /// What is recorded of the shorter run.
+        /// The manifest of the shorter run.
         shorter: Manifest,
-        /// The environment steps that it goes on from; absent where its last state is not kept, so
-        /// that it begins anew.
+        /// The environment steps that it continues from; absent where its last state was not kept,
+        /// so that it starts again.
         env_steps: Option<u64>,
     },
     /// It ended in an error; the next call tries again.
     Failed(Manifest),
-    /// What is recorded was another specification.
+    /// Another specification is recorded in its place.
     Differs {
         /// The keys that differ, as `key: recorded, and now asked for`.
         keys: Vec<String>,
     },
-    /// What is recorded is not whole.
+    /// Its record is incomplete or damaged.
     Damaged {
-        /// What shows it.
+        /// The evidence of the damage.
         reason: String,
     },
-    /// What is recorded is of another program.
+    /// Its record is of another program.
     Unusable {
-        /// Why not.
+        /// Why it cannot be used.
         reason: String,
     },
 }
 
-/// From what a run goes on.
+/// The state that a run continues from.
 #[derive(Debug, Default)]
 pub struct LastState {
-    /// The checkpoint that has come farthest.
+    /// The checkpoint with the most steps.
     pub checkpoint: Option<Checkpoint>,
-    /// Those that cannot be used any more, as errors.
+    /// The errors of checkpoints that can no longer be used.
     pub damaged: Vec<RecordError>,
 }
 
 impl RunState {
-    /// The steps that are recorded and count.
+    /// The environment steps that are recorded and count.
     pub fn steps_done(&self) -> u64 {
         match self {
             Self::Interrupted { env_steps } => *env_steps,
@@ -91,11 +91,11 @@ impl RunState {
 }
 
 impl Planned {
-    /// What has become of it.
+    /// The state of the run on the disk.
     ///
     /// # Errors
     ///
-    /// The system refuses to read what is there.
+    /// The system refuses to read the run's files.
     pub fn state(&self) -> Result<RunState, RecordError> {
         let held = Claim::is_held(&self.paths)?;
         match self.recorded(held) {
@@ -123,8 +123,8 @@ impl Planned {
                     Ordering::Greater => Some(ended),
                 }
             }
-            // Killed between its last word and the renaming, or taken up again at this very
-            // instant.
+            // The process was killed after writing the manifest and before the renaming, or the run
+            // is being resumed at this instant.
             Some(ended) => {
                 self.last_state()?;
                 return Ok(RunState::Failed(ended));
@@ -158,7 +158,7 @@ impl Planned {
         })
     }
 
-    /// From what it would go on, wherever that lies.
+    /// The state that the run would continue from, wherever that lies.
     ///
     /// # Errors
     ///
@@ -184,14 +184,15 @@ impl Planned {
         Ok(last)
     }
 
-    /// Whether `manifest` says that it finished, with as many steps as are asked for.
+    /// Whether `manifest` says that the run finished with the number of steps that is asked for
+    /// now.
     pub fn is_done(&self, manifest: &Manifest) -> bool {
         manifest.outcome == Outcome::Finished && manifest.env_steps == self.spec.trained_steps()
     }
 
-    /// Lets the run be evaluated under way when and as it was before it went on from what
-    /// `recorded` names, so that its evaluations are those of one run. The last evaluation is still
-    /// to come, and is as asked for.
+    /// Sets the evaluations during training to those of the `recorded` run that this one continues,
+    /// so that all of them are of one kind. The final evaluation is still to come, and stays as
+    /// asked for.
     pub fn keep_evaluating_as(&mut self, recorded: &Stamp) {
         let Ok(before) = plan::recorded(&recorded.spec) else {
             return;
@@ -209,7 +210,7 @@ impl Planned {
         let (before, after) = (&manifest.stamp.build.versions, &self.stamp.build.versions);
         keys.extend((before != after).then(|| format!("versions: {before} -> {after}")));
         if keys.is_empty() {
-            // Older programs recorded it in the fingerprint alone.
+            // Older programs recorded the demonstration in the fingerprint alone.
             keys.push(DEMONSTRATION.to_owned());
         }
         Some(RunState::Differs { keys })
@@ -225,8 +226,8 @@ impl Planned {
         RunState::Differs { keys }
     }
 
-    /// In what this run differs from the one that left `recorded`, the versions of what computes it
-    /// apart; empty when its files would be the same.
+    /// The differences between this run and the one that left `recorded`, apart from the versions
+    /// of the programs; empty if its files would be the same.
     pub fn differences(&self, recorded: &Stamp) -> Vec<String> {
         let mut keys = self.training_differences(recorded);
         if let Ok(before) = plan::recorded(&recorded.spec) {
@@ -239,7 +240,7 @@ impl Planned {
         keys
     }
 
-    /// In what this run's evaluations differ from those of the one that left `recorded`.
+    /// The differences between this run's evaluations and those of the run that left `recorded`.
     pub fn evaluated_otherwise(&self, recorded: &Stamp) -> Vec<String> {
         plan::recorded(&recorded.spec).map_or_else(
             |_| Vec::new(),
@@ -247,7 +248,7 @@ impl Planned {
         )
     }
 
-    /// In what this run's training differs from that of the one that left `recorded`.
+    /// The differences between this run's training and that of the run that left `recorded`.
     fn training_differences(&self, recorded: &Stamp) -> Vec<String> {
         let mut keys = match plan::recorded(&recorded.spec) {
             Ok(recorded) => plan::differences(&recorded, &self.spec),
@@ -266,7 +267,7 @@ impl Planned {
     }
 }
 
-/// Both budgets, as differences are told.
+/// Both budgets, in the form of other differences.
 fn budgets(before: &RunSpec, after: &RunSpec) -> String {
     format!(
         "budget.env_steps: {} -> {}",

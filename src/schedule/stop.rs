@@ -14,22 +14,23 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1};
 /// The exit code of an interrupted program.
 pub const INTERRUPTED: u8 = 130;
 
-/// Whether somebody asked for a stop.
+/// A request to stop, which is made or not yet made.
 #[derive(Debug, Clone, Default)]
 pub struct StopRequest {
     by_signal: Arc<AtomicBool>,
     /// Whether the signal was a cluster's warning.
     by_warning: Arc<AtomicBool>,
-    /// Apart, so that a signal which comes after another request is still the first signal.
+    /// Kept apart from signals, so that the first signal after such a request still counts as the
+    /// first.
     by_program: Arc<AtomicBool>,
-    /// When it makes itself.
+    /// The time at which the request is made by itself.
     deadline: Option<Instant>,
 }
 
 impl StopRequest {
-    /// A request that those of these signals make which this process was not started to ignore
-    /// (`nohup` ignores SIGHUP): SIGINT (Ctrl-C), SIGTERM, SIGUSR1 (a cluster's warning) and SIGHUP
-    /// (the terminal is gone) make. A second signal ends the process at once with code 130.
+    /// A request that signals make: SIGINT (Ctrl-C), SIGTERM, SIGUSR1 (a cluster's warning) and
+    /// SIGHUP (the terminal is gone). Signals that this process was started to ignore do not count
+    /// (`nohup` ignores SIGHUP). A second signal ends the process at once with code 130.
     ///
     /// # Errors
     ///
@@ -41,7 +42,7 @@ impl StopRequest {
             .into_iter()
             .filter(|signal| ignored >> (signal - 1) & 1 == 0)
         {
-            // In this order: the signal that makes the request does not see it made.
+            // The order matters: the signal that makes the request must not see it as already made.
             signal_hook::flag::register_conditional_shutdown(
                 signal,
                 INTERRUPTED.into(),
@@ -55,7 +56,7 @@ impl StopRequest {
         Ok(request)
     }
 
-    /// The same request, which also makes itself when `time` has passed from now on.
+    /// The same request, which is also made when `time` has passed from now on.
     pub fn or_after(self, time: Duration) -> Self {
         Self {
             deadline: Instant::now().checked_add(time),
@@ -63,17 +64,17 @@ impl StopRequest {
         }
     }
 
-    /// Asks for a stop.
+    /// Makes the request.
     pub fn make(&self) {
         self.by_program.store(true, Ordering::SeqCst);
     }
 
-    /// Whether a cluster's warning made it, that the time is nearly up.
+    /// Whether it was made by a cluster's warning that the time is nearly up.
     pub fn is_warning(&self) -> bool {
         self.by_warning.load(Ordering::SeqCst)
     }
 
-    /// Whether it was asked for.
+    /// Whether the request is made.
     pub fn is_made(&self) -> bool {
         let is_late = || {
             self.deadline

@@ -1,8 +1,9 @@
-//! A frozen plan: what a cluster's elements are to run, whatever becomes of the matrix file, the
-//! program and the shell.
+//! A frozen plan: the runs of a cluster's elements, independent of later changes to the matrix
+//! file, the program and the shell.
 //!
-//! One file, read by an element in two short pieces however many there are: a line that says what
-//! all have in common and how long each element's line is, and a line an element with its runs.
+//! It is one file, of which an element reads two short pieces, however many elements there are: the
+//! first line, with the common settings and the length of each element's line, and the element's
+//! own line with its runs.
 
 use std::{
     ffi::OsString,
@@ -26,7 +27,7 @@ use crate::{
 /// The version of the format.
 const FORMAT: u32 = 1;
 
-/// What all elements have in common.
+/// The common settings of all elements.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Submission {
     /// The version of the format.
@@ -45,12 +46,12 @@ pub struct Submission {
     pub retries: u32,
     /// Whether logs hold every iteration.
     pub verbose: bool,
-    /// The bytes of each element's line.
+    /// The length of each element's line, bytes.
     elements: Vec<usize>,
 }
 
-/// A run of an element. What differs from machine to machine is for the one that computes it to
-/// say.
+/// A run of an element. It has no facts about the machine, which the one that computes the run
+/// adds.
 #[derive(Debug, Serialize, Deserialize)]
 struct Frozen {
     spec: Value,
@@ -62,12 +63,12 @@ struct Frozen {
     versions: Value,
 }
 
-/// A run by its names alone.
+/// The names of a run, without the rest of its specification.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 pub struct Named {
-    /// Its specification's.
+    /// The names in its specification.
     spec: NamedSpec,
-    /// What decides its numbers.
+    /// The fingerprint, which covers everything that decides its numbers.
     pub fingerprint: String,
 }
 
@@ -84,7 +85,7 @@ impl Named {
 }
 
 impl Submission {
-    /// What is to be frozen; its elements are counted when it is.
+    /// A submission to be frozen; its elements are counted then.
     pub fn new(
         experiment: &str,
         results: &Path,
@@ -125,7 +126,7 @@ impl Submission {
         self.elements.len()
     }
 
-    /// Freezes it in `folder`, with `elements`.
+    /// Freezes the submission with its `elements` in `folder`.
     ///
     /// # Errors
     ///
@@ -152,7 +153,7 @@ impl Submission {
         Ok(self)
     }
 
-    /// Reads what all elements have in common.
+    /// Reads the common settings of all elements.
     ///
     /// # Errors
     ///
@@ -161,11 +162,11 @@ impl Submission {
         Ok(open(plan)?.0)
     }
 
-    /// Reads it with the runs of the element `index`, for this machine.
+    /// Reads the common settings and the runs of the element `index`, for this machine.
     ///
     /// # Errors
     ///
-    /// Also, there is no such element.
+    /// As for [`read`](Self::read), or there is no such element.
     pub fn element(plan: &Path, index: usize) -> Result<(Self, Vec<Planned>), RecordError> {
         let (submission, mut reader) = open(plan)?;
         let Some(&length) = submission.elements.get(index) else {
@@ -234,7 +235,7 @@ impl Frozen {
     }
 }
 
-/// The head of the plan, and a reader that stands behind it.
+/// The head of the plan, and a reader positioned after it.
 fn open(plan: &Path) -> Result<(Submission, BufReader<File>), RecordError> {
     let mut reader = BufReader::new(File::open(plan).map_err(io_error("read", plan))?);
     let mut head = Vec::new();

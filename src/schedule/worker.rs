@@ -31,7 +31,7 @@ use crate::{
     train::{self, Ending, TrainError},
 };
 
-/// What can go wrong in a worker.
+/// Errors of a worker.
 #[derive(Debug, thiserror::Error)]
 enum WorkerError {
     #[error("cannot read the job: {0}")]
@@ -56,7 +56,7 @@ enum WorkerError {
     AnotherDemonstration(PathBuf),
 }
 
-/// Does the job that stdin holds.
+/// Does the job that it reads from stdin.
 pub fn run() -> ExitCode {
     let (event, code) = match work() {
         Ok(Event::Stopped) => (Event::Stopped, ExitCode::from(INTERRUPTED)),
@@ -76,8 +76,8 @@ pub fn run() -> ExitCode {
 }
 
 fn work() -> Result<Event, WorkerError> {
-    // For `top` and `killall`, to which a program that was started through /proc is `exe`;
-    // elsewhere there is no such file.
+    // This sets the name for `top` and `killall`, which call a program that was started through
+    // /proc `exe`. Other systems have no such file.
     let _ = fs::write("/proc/self/comm", env!("CARGO_PKG_NAME"));
     let stop = StopRequest::on_signals().map_err(WorkerError::SetUp)?;
     let job = read_job(&stop)?;
@@ -106,6 +106,7 @@ fn work() -> Result<Event, WorkerError> {
             }
         }
     }
+    // The demonstration's file may have changed since the run was planned.
     if let Some((path, digest)) = run
         .spec
         .demonstration
@@ -118,10 +119,11 @@ fn work() -> Result<Event, WorkerError> {
     run.paths.open()?;
     start_log(&run.paths, job.verbose)?;
     let mut recorded = last_state(&run)?;
-    // Of a run that has finished and is to be longer, its own manifest goes on.
+    // A finished run that is to be extended continues its own manifest.
     let manifest = match Manifest::read(&RunPaths::manifest(&run.paths.partial))?.or(ended) {
         Some(found) => {
             refuse_another(&run.paths.partial, &found, &run.stamp)?;
+            // A run without a checkpoint starts again, and is evaluated as is asked for now.
             if recorded.env_steps() > 0 {
                 run.keep_evaluating_as(&found.stamp);
             }
@@ -141,7 +143,8 @@ fn work() -> Result<Event, WorkerError> {
     )
 }
 
-/// What `run` goes on from: nothing, at its start. A damaged checkpoint is set aside, and told.
+/// The checkpoint that `run` continues from, empty for a new run. A damaged checkpoint is set
+/// aside, with a warning.
 fn last_state(run: &Planned) -> Result<Checkpoint, WorkerError> {
     let LastState {
         checkpoint,
@@ -180,7 +183,7 @@ fn read_job(stop: &StopRequest) -> Result<Job, WorkerError> {
     let job = serde_json::from_str(&line).map_err(|error| WorkerError::Job(error.to_string()))?;
     let stop = stop.clone();
     let watch_parent = move || {
-        // Its end is the message, however it comes.
+        // The end of stdin is the message, however it comes about.
         let _ = io::stdin().lock().read_to_end(&mut Vec::new());
         stop.make();
         leave_with_parent();
@@ -192,12 +195,12 @@ fn read_job(stop: &StopRequest) -> Result<Job, WorkerError> {
     Ok(job)
 }
 
-/// The pause between two looks at the parent.
+/// The pause between two checks of the parent.
 const LOOK: Duration = Duration::from_millis(200);
 
-/// Ends this process as soon as the parent, which has asked for a stop, leaves without waiting for
-/// it: a second Ctrl-C. Where the parent is gone already its death was the message, and the
-/// checkpoint that it asks for is written in peace.
+/// Ends this process as soon as the parent, which has asked for a stop, exits without waiting for
+/// it, as it does after a second Ctrl-C. If the parent is already gone, its death was the request
+/// to stop, and the checkpoint is written in full.
 #[cfg(unix)]
 fn leave_with_parent() {
     use std::os::unix::process::parent_id;
@@ -228,11 +231,11 @@ fn refuse_another(folder: &Path, found: &Manifest, stamp: &Stamp) -> Result<(), 
     })
 }
 
-/// How the targets of this program's own messages begin.
+/// The prefix of the log targets of this program's own messages.
 const OWN: &str = "mcpo_run";
 
-/// Sends what is logged to `log.txt`; of others, such as the physics engine, without what only
-/// their authors want to know.
+/// Sends log messages to `log.txt`. Debug messages of other crates, such as the physics engine, are
+/// dropped, since they matter only to their authors.
 fn start_log(paths: &RunPaths, verbose: bool) -> Result<(), WorkerError> {
     let log = RunPaths::log(&paths.partial);
     let log = intake::open(
@@ -254,7 +257,7 @@ fn start_log(paths: &RunPaths, verbose: bool) -> Result<(), WorkerError> {
         .map_err(|error| WorkerError::SetUp(io::Error::other(error)))
 }
 
-/// The times in a log: those of the manifest.
+/// Timestamps of the log, in the manifest's format.
 struct Clock;
 
 impl tracing_subscriber::fmt::time::FormatTime for Clock {

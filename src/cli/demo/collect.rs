@@ -25,7 +25,7 @@ use crate::{
     train::evaluate::{self, Actor},
 };
 
-/// Which runs, and what to look for.
+/// The arguments of `demo collect`.
 #[derive(Debug, clap::Args)]
 pub struct CollectArguments {
     #[command(flatten)]
@@ -45,34 +45,34 @@ pub struct CollectArguments {
     target: Option<f64>,
 }
 
-/// Returns so near the wanted one (as a share of it) are as good as it.
+/// A return this near to the wanted one (as a share of it) is as good as the wanted one.
 const SAME: f64 = 0.01;
 
-/// A policy whose mean return over the starts is no farther off than this (as a share of the wanted
-/// one) is as good as the wanted one; a better policy's mishap has its return, but teaches what is
-/// behind a better one.
+/// A policy is good enough where its mean return over the starts is no farther off than this (as a
+/// share of the wanted return). A better policy's mishap may have the wanted return, but it teaches
+/// a better policy's behaviour.
 const AS_GOOD: f64 = 0.2;
 
-/// A return farther off than this (as a share of the wanted one) is told as a warning.
+/// A return farther off than this (as a share of the wanted one) leads to a warning.
 const FAR: f64 = 0.1;
 
-/// What the episode shall be like.
+/// The episode to look for.
 struct Wanted {
     dense_return: f64,
-    /// The authors' demonstration, whose likeness decides between episodes of the [`SAME`] return.
+    /// The authors' demonstration. Likeness to it decides between episodes of the [`SAME`] return.
     like: Option<&'static reference::Demonstration>,
 }
 
 /// How far an episode is from what is wanted; the least is the best.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
 enum Misfit {
-    /// The return is the [`SAME`] and the policy [`AS_GOOD`]: how far the episode is from what it
-    /// shall be like, or else from the return.
+    /// The return is the [`SAME`] and the policy [`AS_GOOD`]. The number is the unlikeness to the
+    /// authors' demonstration, or without one the distance from the wanted return.
     Near(f64),
-    /// The same of a policy that is better or worse than its episode: how far its mean return is
-    /// off.
+    /// The return is the [`SAME`], but the policy is better or worse than its episode. The number
+    /// is how far the policy's mean return is off.
     Untypical(f64),
-    /// How far the return is.
+    /// The return is not the [`SAME`]. The number is how far it is off.
     Far(f64),
 }
 
@@ -80,17 +80,17 @@ enum Misfit {
 struct Candidate {
     run: RunSpec,
     fingerprint: String,
-    /// Steps of training behind the policy.
+    /// Environment steps of training behind the policy.
     env_steps: u64,
     agent: Agent,
-    /// Which initial state.
+    /// The number of the initial state.
     start: u32,
     dense_return: f64,
-    /// The policy's, over all starts.
+    /// The policy's mean return over all starts.
     mean_return: f64,
 }
 
-/// Writes one demonstration an environment, and prints where each comes from.
+/// Writes one demonstration per environment, and prints where each comes from.
 pub fn run(arguments: &CollectArguments) -> anyhow::Result<ExitCode> {
     let specs = arguments.chosen.load()?;
     let mut runs: BTreeMap<EnvId, Vec<RunSpec>> = BTreeMap::new();
@@ -124,8 +124,8 @@ pub fn run(arguments: &CollectArguments) -> anyhow::Result<ExitCode> {
 }
 
 impl Wanted {
-    /// The return `target` and nothing else, or else what the authors' demonstration of `env` is
-    /// like.
+    /// The wanted episode: any with the return `target`, or without one an episode like the
+    /// authors' demonstration of `env`.
     fn new(env: EnvId, target: Option<f64>) -> anyhow::Result<Self> {
         if let Some(dense_return) = target {
             return Ok(Self {
@@ -149,8 +149,8 @@ impl Wanted {
         (dense_return - self.dense_return).abs() / self.dense_return.abs()
     }
 
-    /// The misfit of an episode of `dense_return`, which `record` gives step by step, of a policy
-    /// whose returns are `mean_return` in the mean.
+    /// The misfit of an episode with `dense_return`, played by a policy whose mean return is
+    /// `mean_return`. `record` plays the episode again, step by step.
     fn misfit(
         &self,
         dense_return: f64,
@@ -182,7 +182,7 @@ fn unlikeness(like: &reference::Demonstration, episode: &Demonstration) -> f64 {
     .fold(0.0, f64::max)
 }
 
-/// The episode with the least misfit; `None` when none of the `runs` has kept a policy yet.
+/// The episode with the least misfit; `None` where none of the `runs` has kept a policy yet.
 fn best(
     runs: &[RunSpec],
     results: &Path,
@@ -197,6 +197,7 @@ fn best(
             .collect::<Result<_, _>>()?;
         for path in kept_policies(&paths)? {
             let (agent, stamp) = policy::read_for(&path, tasks[0].spaces())?;
+            // Each start has a stream of its own, so that recording can repeat its episode.
             let generator = |start| run.seed.stream(Stream::Evaluation, start);
             let generators = (0..starts).map(generator).collect();
             let episodes = evaluate::episodes(
@@ -211,6 +212,7 @@ fn best(
                 .sum::<f64>()
                 / episodes.len() as f64;
             for (start, episode) in (0..).zip(&episodes) {
+                // Recording plays the episode again, so it is done only where the misfit needs it.
                 let misfit = wanted.misfit(episode.dense_return, mean_return, || {
                     Ok(evaluate::record(&agent, &mut tasks[0], generator(start))?)
                 })?;
@@ -292,7 +294,7 @@ fn write(candidate: &Candidate, wanted: &Wanted, path: &Path) -> anyhow::Result<
     Ok(demonstration)
 }
 
-/// Prints what was written, and warns where it is not what was wanted.
+/// Prints the facts of the written demonstration, and warns where it misses the wanted return.
 fn tell(candidate: &Candidate, wanted: &Wanted, written: &Demonstration) -> anyhow::Result<()> {
     let Candidate {
         run,

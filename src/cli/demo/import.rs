@@ -8,7 +8,7 @@ use crate::{
     env::EnvId,
 };
 
-/// Which file, of which environment, and where to.
+/// The arguments of `demo import`.
 #[derive(Debug, clap::Args)]
 pub struct ImportArguments {
     /// The file: a pickle of the authors' code, Parquet, or .npz
@@ -24,7 +24,7 @@ pub struct ImportArguments {
     force: bool,
 }
 
-/// Imports the file, and prints what it holds and what was lost.
+/// Imports the file, and prints its contents and whatever was lost.
 pub fn run(arguments: &ImportArguments) -> anyhow::Result<ExitCode> {
     let (path, env) = (&arguments.file, arguments.env);
     not_over(&arguments.out, arguments.force)?;

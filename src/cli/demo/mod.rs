@@ -16,7 +16,7 @@ use crate::{
     quantity::constant,
 };
 
-/// What to do with demonstrations.
+/// The subcommands of `demo`.
 #[derive(Debug, clap::Subcommand)]
 pub enum DemoCommand {
     /// Take demonstrations from the policies that runs kept during training
@@ -48,7 +48,7 @@ pub enum DemoCommand {
     Show(show::ShowArguments),
 }
 
-/// Does it.
+/// Runs a subcommand of `demo`.
 pub fn run(command: DemoCommand) -> anyhow::Result<ExitCode> {
     match command {
         DemoCommand::Collect(arguments) => collect::run(&arguments),
@@ -58,14 +58,15 @@ pub fn run(command: DemoCommand) -> anyhow::Result<ExitCode> {
     }
 }
 
-/// Refuses to replace a file that exists, unless by `force`.
+/// Refuses to replace an existing file, unless `force` is set.
 fn not_over(file: &Path, force: bool) -> anyhow::Result<()> {
     let told = "already exists; `--force` replaces it, another `--out` leaves it alone";
     ensure!(force || !file.exists(), "{} {told}", file.display());
     Ok(())
 }
 
-/// `3 episodes, 1200 steps; observations of 11 numbers, actions of 3`.
+/// The size of a demonstration, as `3 episodes, 1200 steps; observations of 11 numbers, actions of
+/// 3`.
 fn size(demonstration: &Demonstration) -> String {
     let episodes = demonstration.episode_starts.len();
     format!(
@@ -82,12 +83,12 @@ fn mmd_of_doing_nothing(demonstration: &Demonstration) -> f64 {
     demonstration.mmd_of_doing_nothing(Bandwidth::Fixed(constant(1.0)), Estimator::V)
 }
 
-/// `1 episode`, `2 episodes`.
+/// A count with its noun in the right number: `1 episode`, `2 episodes`.
 pub(super) fn counted(n: usize, what: &str) -> String {
     format!("{n} {what}{}", if n == 1 { "" } else { "s" })
 }
 
-/// The numbers of a few episodes, or what many are like.
+/// A few values in full, or the mean and range of many.
 fn summary(values: &[f64]) -> String {
     if values.len() <= 5 {
         return values

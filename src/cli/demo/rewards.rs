@@ -1,20 +1,20 @@
-//! What a demonstration's steps earned.
+//! The rewards of a demonstration's steps.
 
 use std::path::Path;
 
 use crate::demo::{Demonstration, import::recomputed_rewards};
 
-/// Dense rewards, and where they are from.
+/// Dense rewards, and their origin.
 pub struct Rewards {
-    /// One a step.
+    /// One reward per step.
     pub values: Vec<f64>,
-    /// `as recorded`, or what they were computed from.
+    /// Their origin, in words: `as recorded`, or the quantities that they were computed from.
     pub source: &'static str,
 }
 
 impl Rewards {
-    /// Those that the demonstration in the file `path` has recorded; else those that observations
-    /// and actions tell, if it is known of which environment they are.
+    /// The rewards that the demonstration in the file `path` records. Without them, the rewards
+    /// computed from observations and actions, if the environment is known.
     pub fn of(demonstration: &Demonstration, path: &Path) -> anyhow::Result<Option<Self>> {
         if let Some(values) = demonstration.rewards.clone() {
             return Ok(Some(Rewards {

@@ -7,7 +7,7 @@ use anyhow::{Context, bail};
 use super::{super::print, mmd_of_doing_nothing, rewards::Rewards, size, summary, traces};
 use crate::{demo::Demonstration, record::write_atomically};
 
-/// Which files.
+/// The arguments of `demo show`.
 #[derive(Debug, clap::Args)]
 pub struct ShowArguments {
     /// The demonstrations (*.parquet); for several, one line each
@@ -45,7 +45,8 @@ pub fn run(arguments: &ShowArguments) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// A Markdown table of the demonstrations in `files`: what decides which tolerance is tight.
+/// A Markdown table of the demonstrations in `files`, with the numbers that decide how tight a
+/// tolerance is.
 fn table(files: &[PathBuf]) -> anyhow::Result<String> {
     let mut text = "| file | episodes | steps | return | action rms | D of doing nothing |\n\
                     |---|---:|---:|---:|---:|---:|\n"
@@ -74,7 +75,7 @@ fn table(files: &[PathBuf]) -> anyhow::Result<String> {
     Ok(text)
 }
 
-/// What there is to say of `demonstration`.
+/// The facts of `demonstration`, as text.
 fn facts(demonstration: &Demonstration, rewards: Option<&Rewards>) -> String {
     let lengths: Vec<f64> = demonstration
         .episodes()

@@ -1,5 +1,5 @@
-//! A demonstration as a picture: what each episode earned so far, and each number of its actions,
-//! over its steps.
+//! A demonstration as a picture: over the steps of each episode, its return so far and each number
+//! of its actions.
 
 use super::rewards::Rewards;
 use crate::{
@@ -10,11 +10,11 @@ use crate::{
     },
 };
 
-/// Episodes that are drawn; more would hide each other.
+/// The most episodes that are drawn; more would hide each other.
 const EPISODES: usize = 10;
-/// Numbers of an action that are drawn.
+/// The most numbers of an action that are drawn.
 const ACTIONS: usize = 16;
-/// Points of a line.
+/// The most points of a line.
 const POINTS: usize = 1500;
 
 const WIDTH: f64 = 640.0;
@@ -101,7 +101,7 @@ fn panels(demonstration: &Demonstration, rewards: Option<&Rewards>) -> Vec<Panel
     earned.chain(actions).collect()
 }
 
-/// What is not drawn.
+/// A note on the episodes and numbers that are not drawn.
 fn note(demonstration: &Demonstration, rewards: Option<&Rewards>) -> Option<String> {
     let (episodes, actions) = (
         demonstration.episode_starts.len(),
@@ -126,7 +126,7 @@ fn draw(panel: &Panel, longest: usize, top: f64) -> Vec<Shape> {
         values().fold(f64::INFINITY, f64::min),
         values().fold(f64::NEG_INFINITY, f64::max),
     );
-    // A constant lies in the middle.
+    // A constant line is drawn in the middle.
     let (low, high) = if high > low {
         (low, high)
     } else {
@@ -174,9 +174,11 @@ fn draw(panel: &Panel, longest: usize, top: f64) -> Vec<Shape> {
             .step_by(stride)
             .map(|(i, &value)| at(i, value))
             .collect();
+        // A line needs two points, so an episode of one step gets a short dash.
         if let [only] = points[..] {
             points.push((only.0 + 2.0, only.1));
         }
+        // The lines of long episodes are dense, and easier to read if thin.
         let width = if longest > 300 { 0.7 } else { 1.2 };
         shapes.push(Shape::Line {
             points,

@@ -9,7 +9,7 @@ use crate::{
     quantity::NonNegative,
 };
 
-/// Which file, in which environment.
+/// The arguments of `demo verify`.
 #[derive(Debug, clap::Args)]
 pub struct VerifyArguments {
     /// The demonstration (*.parquet, with poses)
@@ -31,7 +31,7 @@ fn tolerance(text: &str) -> Result<NonNegative, String> {
     NonNegative::try_from(number).map_err(|error| error.to_string())
 }
 
-/// ` in episode 2, step 17`, or nothing.
+/// The place of a deviation, as ` in episode 2, step 17`; empty where there is none.
 fn place(at: Option<At>) -> String {
     at.map_or_else(String::new, |At { episode, step, .. }| {
         format!(" in episode {episode}, step {step}")
@@ -67,6 +67,7 @@ pub fn run(arguments: &VerifyArguments) -> anyhow::Result<ExitCode> {
         nowhere if nowhere.is_empty() => nowhere,
         place => format!("{place}, number {number}"),
     };
+    // The recording may be of another version of the environment, which is named if it fits.
     let version = replay
         .version(env, &tolerance)
         .filter(|_| !agrees)

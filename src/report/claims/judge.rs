@@ -20,24 +20,24 @@ pub const ALPHA: f64 = 0.05;
 /// The numbers of one environment.
 #[derive(Debug, Clone)]
 pub struct Part {
-    /// One a seed.
+    /// One number per seed, for the claim's subject.
     pub of: Vec<f64>,
-    /// Of those that they are compared with; `None` for a level.
+    /// The numbers that they are compared with; `None` for a level.
     pub than: Option<Vec<f64>>,
-    /// The level.
+    /// The level that they are compared with where `than` is `None`.
     pub level: f64,
-    /// Runs of either side that failed.
+    /// The number of failed runs of either side.
     pub failed: (usize, usize),
-    /// What returns are measured by; `None` where the numbers are no returns.
+    /// The scale of returns; `None` where the numbers are not returns.
     pub scale: Option<Scale>,
 }
 
-/// What the numbers of a row say.
+/// The test of one row.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Judged {
     /// The difference, with its 95 % interval over both ways to count failed runs.
     pub interval: Interval,
-    /// What it is compared with.
+    /// The limit that the difference is compared with.
     pub limit: f64,
     /// The p value of the claim's opposite.
     pub opposite: f64,
@@ -45,8 +45,10 @@ pub struct Judged {
     pub itself: f64,
 }
 
-/// Judges `claim` by `parts`, one an environment; `None` where one has too few numbers.
+/// Judges `claim` by `parts`, one per environment; `None` where one has too few numbers.
 pub fn judge(claim: &Claim, parts: &[Part]) -> Option<Judged> {
+    // Over several environments, returns are averaged in units of each one's scale. In a single one
+    // they keep their unit, and the margin is converted instead.
     let in_units = |part: &Part| match (claim.environments, part.scale) {
         (Environments::Each, Some(scale)) => (1.0, scale.distance),
         (Environments::Overall, Some(scale)) => (1.0 / scale.distance, 1.0),
@@ -76,6 +78,7 @@ pub fn judge(claim: &Claim, parts: &[Part]) -> Option<Judged> {
         Contrast::of(&of.chain(than).collect::<Vec<_>>())
     });
     let contrasts: Vec<Contrast> = contrasts.collect::<Option<_>>()?;
+    // The less favourable way to count failed runs decides.
     let greatest = |p: fn(Relation, &Contrast, f64) -> f64| {
         contrasts
             .iter()
@@ -103,7 +106,7 @@ pub fn judge(claim: &Claim, parts: &[Part]) -> Option<Judged> {
     })
 }
 
-/// The p value of what contradicts the claim.
+/// The p value of the claim's opposite.
 fn opposite(is: Relation, contrast: &Contrast, limit: f64) -> f64 {
     let below = |limit| contrast.confidence_below(limit);
     match is {
@@ -123,8 +126,8 @@ fn itself(is: Relation, contrast: &Contrast, limit: f64) -> f64 {
     }
 }
 
-/// The same numbers, and beside them the random policy's return for each run that failed; `None`
-/// where none did, or they are no returns.
+/// The numbers with the random policy's return added for each run that failed; `None` where no run
+/// failed, or the numbers are not returns.
 fn with_failures(parts: &[Part]) -> Option<Vec<Part>> {
     let with = |part: &Part| {
         let mut part = part.clone();

@@ -1,4 +1,4 @@
-//! The one number of a run that a claim is about.
+//! The one number of a run that a claim compares.
 
 use crate::{
     measured::{Column, Iteration, Measure, progress},
@@ -13,11 +13,12 @@ use crate::{
 /// The part of the steps that counts as the end of a column.
 const END: f64 = 0.1;
 
-/// D exceeds a tolerance by more than this share of it where the constraint is not met: as MCPO
-/// itself judges, whose corrections end near the bound, on either side.
+/// The constraint counts as violated where D exceeds the tolerance by more than this share of it.
+/// MCPO judges in the same way, since its corrections end near the bound, on either side.
 const D_MARGIN: f64 = 1e-3;
 
-/// What `claim` compares, of `run`; `None` where that did not finish, or has no such finite number.
+/// The number of `run` that `claim` compares; `None` where the run did not finish, or the number is
+/// missing or not finite.
 pub fn of(run: &Run, claim: &Claim) -> Option<f64> {
     let recording = run.recording()?;
     let number = match (claim.is, claim.at) {
@@ -48,8 +49,8 @@ fn end(values: &[(u64, f64)]) -> Option<f64> {
     Some(mean(&late))
 }
 
-/// The area under the values, between the first and the last, over its length; a single value's is
-/// itself.
+/// The area under the values from the first to the last, divided by the steps between them; a
+/// single value stands for itself.
 pub fn area(values: &[(u64, f64)]) -> Option<f64> {
     let (first, last) = (values.first()?, values.last()?);
     let pairs = values
@@ -63,8 +64,9 @@ pub fn area(values: &[(u64, f64)]) -> Option<f64> {
     })
 }
 
-/// Of the iterations after the first in which the constraint was met, the share in which it was; 0
-/// where it never was, `None` where there is no such constraint or no iteration after.
+/// The share of iterations that met the constraint, among those after the first that did. 0 where
+/// none ever met it; `None` where there is no such constraint, or no iteration after the first that
+/// met it.
 fn share_kept(recording: &Recording) -> Option<f64> {
     let (mmd, tolerance) = (
         recording.progress.get(&progress::MMD)?,

@@ -1,4 +1,4 @@
-//! What a file claims, and what the recorded runs say of it.
+//! The claims of a file, judged by the recorded runs.
 //!
 //! Owns which runs stand on either side of a claim, environment by environment and setting by
 //! setting. How a number comes from a run is `measure`'s, how numbers are judged is `judge`'s;
@@ -27,9 +27,9 @@ use judge::{Judged, Part, judge};
 /// The claims of an experiment.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ClaimsData {
-    /// Claim by claim, in the file's order; one row an environment and setting.
+    /// Claim by claim, in the file's order; one row per environment and setting.
     pub rows: Vec<ClaimRow>,
-    /// What the numbers mean, a sentence each.
+    /// Notes on how to read the numbers, a sentence each.
     pub notes: Vec<String>,
 }
 
@@ -40,48 +40,51 @@ pub struct ClaimRow {
     pub claim: Claim,
     /// The environment; `None` over several.
     pub env: Option<String>,
-    /// How many environments.
+    /// The number of environments that the row covers.
     pub environments: usize,
-    /// What tells the runs apart from those of other rows of the claim; empty where nothing does.
+    /// The setting that distinguishes this row from the claim's other rows; empty where there is
+    /// none.
     pub setting: String,
     /// The difference, or the share for `kept`, with its 95 % interval.
     pub difference: Option<Interval>,
-    /// What it is compared with: 0 or what the margin makes of it, in the same unit.
+    /// The value that the difference is compared with: 0, or the margin in the unit of
+    /// `difference`.
     pub limit: f64,
-    /// The share of pairs of seeds in which the one side is above the other; ties count half.
+    /// The share of pairs of seeds in which the claim's subject is above the other side; ties count
+    /// half.
     pub improvement: Option<f64>,
-    /// Seeds with a number, and planned ones.
+    /// Seeds of the claim's subject.
     pub seeds: Count,
-    /// The same of what they are compared with; `None` for a level.
+    /// Seeds of the side that it is compared with; `None` for a level.
     pub than: Option<Count>,
-    /// The p value of the claim's opposite, and that of the claim, after the correction.
+    /// The p values of the claim's opposite and of the claim, corrected over its rows.
     pub p: Option<(f64, f64)>,
-    /// What follows.
+    /// The verdict of this row.
     pub verdict: ClaimVerdict,
 }
 
-/// How many seeds.
+/// How many seeds there are of one side.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Count {
-    /// With a number.
+    /// Seeds that have a number.
     pub found: usize,
-    /// In the plan.
+    /// Seeds in the plan.
     pub planned: usize,
 }
 
-/// What is recorded says of a claim.
+/// The verdict on a claim.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum ClaimVerdict {
-    /// It is so.
+    /// The runs confirm the claim.
     Holds,
-    /// It is not.
+    /// The runs contradict the claim.
     Contradicted,
-    /// It cannot be said; the reason, where it is not the numbers themselves.
+    /// The runs decide neither; with the reason, unless it lies in the numbers themselves.
     Inconclusive(Option<String>),
 }
 
 impl ClaimVerdict {
-    /// In words.
+    /// The verdict in words.
     pub fn text(&self) -> String {
         match self {
             Self::Holds => "holds".to_owned(),
@@ -93,7 +96,7 @@ impl ClaimVerdict {
 }
 
 impl ClaimsData {
-    /// The `claims` of a file, judged by `runs`, in the plan's order.
+    /// Judges the `claims` of a file by `runs`, which are in the plan's order.
     pub fn new(claims: &[Claim], runs: &[Run]) -> Self {
         let rows: Vec<ClaimRow> = claims.iter().flat_map(|claim| rows(claim, runs)).collect();
         let notes = notes::of_claims(&rows);
@@ -107,18 +110,18 @@ impl ClaimsData {
     }
 }
 
-/// What a row is made of: one environment, or several.
+/// The runs of a row: of one environment, or of several.
 struct Row<'a> {
     env: Option<String>,
     setting: String,
-    /// One an environment.
+    /// One entry per environment.
     sides: Vec<Sides<'a>>,
 }
 
 /// The runs of one environment on either side of a claim.
 struct Sides<'a> {
     of: Vec<&'a Run>,
-    /// Those that they are compared with; none for a level.
+    /// The runs that they are compared with; none for a level.
     than: Vec<&'a Run>,
 }
 
@@ -133,6 +136,7 @@ fn rows(claim: &Claim, runs: &[Run]) -> Vec<ClaimRow> {
         None | Some(Versus::Demonstration) => Vec::new(),
         Some(Versus::Runs(selection)) => meant(selection),
     };
+    // No run is compared with itself: one that matches both selections counts on the other side.
     let opposite: BTreeSet<&str> = than.iter().map(|run| run.spec.id.as_str()).collect();
     let mut of = meant(&claim.of);
     of.retain(|run| !opposite.contains(run.spec.id.as_str()));
@@ -161,6 +165,7 @@ fn rows(claim: &Claim, runs: &[Run]) -> Vec<ClaimRow> {
                 than: others,
             }
         });
+        // An environment without runs to compare with cannot be judged.
         let sides: Vec<_> = sides
             .filter(|sides| !compares_runs || !sides.than.is_empty())
             .collect();
@@ -178,6 +183,7 @@ fn rows(claim: &Claim, runs: &[Run]) -> Vec<ClaimRow> {
             })),
         }
     }
+    // A claim without any runs still gets a row, so that it is not overlooked.
     if made.is_empty() {
         made.push(Row {
             env: None,
@@ -243,7 +249,7 @@ fn verdicts(claim: &Claim, rows: Vec<Row<'_>>) -> Vec<ClaimRow> {
     made.collect()
 }
 
-/// The mean over environments of the share of pairs in which the one side is above the other.
+/// The mean over environments of the share of pairs in which the first side is above the second.
 fn improvement(parts: &[Part]) -> f64 {
     let share = |part: &Part| match &part.than {
         Some(than) => share_above(&part.of, than),
@@ -252,7 +258,7 @@ fn improvement(parts: &[Part]) -> f64 {
     parts.iter().map(share).sum::<f64>() / parts.len() as f64
 }
 
-/// The numbers of either side, one part an environment; or why there are none to judge.
+/// The numbers of either side, one part per environment; or the reason why there are none to judge.
 fn parts(claim: &Claim, sides: &[Sides<'_>]) -> Result<Vec<Part>, String> {
     if sides.is_empty() {
         return Err("the file has no such runs".to_owned());

@@ -1,4 +1,4 @@
-//! What is recorded, for other programs.
+//! Recorded results in the formats of other programs.
 //!
 //! Owns the files that TensorBoard, rliable, marl-eval and spreadsheets read. Knows nothing of
 //! tables or verdicts. Start at
@@ -30,7 +30,7 @@ use crate::{
 /// A format of another program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Format {
-    /// Event files with hyperparameters, one a run.
+    /// Event files with hyperparameters, one per run.
     Tensorboard,
     /// Scores by method, seed and environment.
     Rliable,
@@ -63,7 +63,7 @@ impl Format {
         }
     }
 
-    /// What it holds, for the command line's help.
+    /// A short description of its contents, for the command line's help.
     pub fn help(self) -> &'static str {
         match self {
             Self::Tensorboard => "Event files with hyperparameters, for TensorBoard",
@@ -75,7 +75,7 @@ impl Format {
     }
 }
 
-/// Writes what is recorded of `spec`, as far as `scope` goes, in these `formats`; gives the files.
+/// Writes the recorded results of `spec` within `scope` in these `formats`; returns the files.
 ///
 /// # Errors
 ///
@@ -150,7 +150,7 @@ fn text(value: &serde_json::Value) -> String {
     format!("{value:#}\n")
 }
 
-/// What a run's method is called: its id without environment and seed.
+/// The name of a run's method: its id without environment and seed.
 fn method(run: &Run) -> &str {
     let of_env = run
         .spec

@@ -15,7 +15,7 @@ use crate::{
     },
 };
 
-/// Every evaluation episode of the runs that finished, with the run's keys before it.
+/// Every evaluation episode of the finished runs, one per row after the run's keys.
 ///
 /// # Errors
 ///
@@ -69,7 +69,7 @@ pub fn evaluations(runs: &[Run]) -> Result<Vec<u8>, csv::Error> {
     written(&headers, runs.iter().flat_map(of_run))
 }
 
-/// What a figure draws, with every number in full: panel by panel, series by series.
+/// The numbers of a figure in full precision: panel by panel, series by series.
 pub fn figure(data: &CurveData) -> Value {
     let x = if data.across == Across::Steps {
         progress::ENV_STEPS.name

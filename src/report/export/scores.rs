@@ -10,10 +10,10 @@ use crate::report::{curve::mean, recorded::Run, statistics};
 /// The score and the return of each seed.
 type Seeds = BTreeMap<u64, (f64, f64)>;
 
-/// For rliable: of each method a matrix of runs by environments,
-/// `numpy.array(data["scores"]["mcpo"])`. Rows are the seeds that finished in all environments that
-/// have any of the method's; the others are named. Scores have the paper's Random at 0 and its
-/// Expert at 1, `returns` are as measured.
+/// The JSON for rliable: for each method a matrix of runs by environments,
+/// `numpy.array(data["scores"]["mcpo"])`. Rows are the seeds that finished in every environment in
+/// which any seed of the method did; the others are named. Scores have the paper's Random at 0 and
+/// its Expert at 1, `returns` are as measured.
 pub fn rliable(runs: &[Run]) -> Value {
     let mut methods: BTreeMap<&str, BTreeMap<&str, Seeds>> = BTreeMap::new();
     for run in runs {
@@ -38,6 +38,7 @@ pub fn rliable(runs: &[Run]) -> Value {
             .values()
             .flat_map(|seeds| seeds.keys().copied())
             .collect();
+        // The matrix has no empty cells, so a seed that lacks an environment is left out.
         let (whole, partial): (Vec<u64>, Vec<u64>) = all
             .into_iter()
             .partition(|seed| envs.values().all(|seeds| seeds.contains_key(seed)));

@@ -16,7 +16,7 @@ use crate::{
     },
 };
 
-/// What is no setting in a specification.
+/// The keys of a specification that are not settings.
 const NAMES: [&str; 6] = [
     "experiment",
     "id",
@@ -29,6 +29,7 @@ const NAMES: [&str; 6] = [
 /// The events of `run`: its hyperparameters, every column of its iterations, and its evaluations'
 /// means. Wall time is the time that training had taken, from 0.
 pub fn events(run: &Run) -> Vec<u8> {
+    // An event file begins with the version of its format.
     let mut bytes = record(
         &Message::default()
             .double(1, 0.0)
@@ -42,6 +43,8 @@ pub fn events(run: &Run) -> Vec<u8> {
     let clock = clock(recording);
     let mut scalar = |tag: &str, points: Vec<(u64, f64)>| {
         for (step, value) in points {
+            // Evaluations have no clock of their own, and take the time of the last iteration
+            // before them.
             let seconds = clock
                 .range(..=step)
                 .next_back()
@@ -76,7 +79,7 @@ pub fn events(run: &Run) -> Vec<u8> {
     bytes
 }
 
-/// By environment steps, the seconds that training had taken.
+/// The seconds that training had taken, by environment steps.
 fn clock(recording: &Recording) -> BTreeMap<u64, f64> {
     let column = |column: &Column<Iteration>| recording.progress.get(column).unwrap_or_default();
     let (rollout, update) = (
@@ -104,7 +107,7 @@ fn event(seconds: f64, step: u64, value: &Message) -> Vec<u8> {
         .0
 }
 
-/// The run's settings; seeds of one method are one group.
+/// The hyperparameters of the run; the seeds of one method form one group.
 fn start(run: &Run) -> Message {
     let mut settings = BTreeMap::new();
     if let Ok(Value::Object(fields)) = serde_json::to_value(&run.spec) {
@@ -178,8 +181,8 @@ fn flatten(key: String, value: &Value, leaves: &mut BTreeMap<String, Value>) {
     }
 }
 
-/// A summary value of the plugin for hyperparameters: its data stand in the metadata, beside an
-/// empty tensor.
+/// A summary value of the plugin for hyperparameters: its data are in the metadata, beside an empty
+/// tensor.
 fn hparams(name: &str, field: u32, data: &Message) -> Message {
     let plugin = Message::default()
         .bytes(1, b"hparams")

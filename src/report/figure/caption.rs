@@ -1,4 +1,4 @@
-//! What a figure's caption says of its curves.
+//! The text of a figure's caption about its curves.
 
 use std::collections::BTreeSet;
 
@@ -11,16 +11,17 @@ use crate::{
     spec::Band,
 };
 
-/// What a reader must know of the curves: seeds and bands, and what is lacking.
+/// Notes on the curves: their seeds and bands, and what is lacking.
 pub struct Notes {
-    /// What belongs into a caption.
+    /// The meaning of curves and bands, for the caption.
     pub means: String,
-    /// What is lacking, which the figure itself must say; nothing of a whole one.
+    /// The seeds and steps that are lacking, which the figure itself must say; empty where none
+    /// are.
     pub lacking: String,
 }
 
 impl Notes {
-    /// Both, in a line.
+    /// Both notes in one line.
     pub fn all(&self) -> String {
         [self.means.as_str(), &self.lacking]
             .iter()
@@ -102,6 +103,7 @@ pub fn notes(data: &CurveData) -> Notes {
             lacking.push(entry);
         }
     }
+    // If all curves lack the same, one sentence says it for all of them.
     let kinds: BTreeSet<Option<String>> =
         curves.iter().map(|(_, _, curve)| curve.lacking()).collect();
     let mut notes = Vec::new();
@@ -142,7 +144,7 @@ pub fn notes(data: &CurveData) -> Notes {
     }
 }
 
-/// Of how many seeds a curve is the mean, and what is shaded or thin beside it.
+/// The number of seeds behind a curve, and the meaning of shaded areas and thin lines.
 fn seeds(data: &CurveData, fewest: usize, most: usize) -> String {
     let kind = if data.log_y { "Geometric mean" } else { "Mean" };
     let few = fewest < SEEDS_FOR_T;
@@ -165,7 +167,7 @@ fn seeds(data: &CurveData, fewest: usize, most: usize) -> String {
     }
 }
 
-/// The first few of a list, and how many more there are.
+/// The first few entries of a list, and the number of the others.
 fn shorten(list: &[String]) -> String {
     const SHOWN: usize = 6;
     let shown = list[..list.len().min(SHOWN)].join("; ");

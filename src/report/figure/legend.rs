@@ -8,7 +8,7 @@ use super::{
 };
 use crate::report::curve::CurveData;
 
-/// What the legend says of one kind of line: its name, in lines where it is long.
+/// The legend's entry for one kind of line: its name, on several lines where it is long.
 #[derive(Debug, Clone)]
 struct Entry {
     look: Look,
@@ -16,7 +16,7 @@ struct Entry {
     width: f64,
 }
 
-/// One entry a series, and one for each other kind of line that is drawn; in rows, each centred.
+/// One entry per series, and one for each other kind of line that is drawn; in rows, each centred.
 pub struct Legend<'a> {
     sheet: &'a Sheet,
     /// The width of each row, and its entries.
@@ -24,12 +24,13 @@ pub struct Legend<'a> {
 }
 
 impl<'a> Legend<'a> {
-    /// The legend of `data` in `room`, a width.
+    /// The legend of `data`, no wider than `room`.
     pub fn new(data: &CurveData, sheet: &'a Sheet, room: f64) -> Self {
         let looks = data.looks.iter().map(|look| Look::Series(*look));
         let mut entries: Vec<(Look, String)> = looks
             .zip(data.series.iter().map(|name| name.text.clone()))
             .collect();
+        // Panels without points show a text instead of lines, so they need no entries.
         let drawn = || {
             data.panels.iter().filter(|panel| {
                 panel
@@ -57,7 +58,7 @@ impl<'a> Legend<'a> {
             .map(|(look, name)| Entry::new(look, &name, sheet, room))
             .collect();
         let rows = rows(sheet, entries.clone(), room);
-        // Series of one width stand in columns, unless that takes more rows.
+        // Series of equal width line up in columns, unless that takes more rows.
         let widest = entries
             .iter()
             .filter(|entry| entry.is_series())
@@ -78,7 +79,7 @@ impl<'a> Legend<'a> {
         }
     }
 
-    /// Its height.
+    /// The height of the legend.
     pub fn height(&self) -> f64 {
         self.rows
             .iter()
@@ -100,7 +101,7 @@ impl<'a> Legend<'a> {
         lines as f64 * self.line() + self.between()
     }
 
-    /// Its shapes, around `middle` and below `top`.
+    /// The shapes of the legend, centred at `middle` and below `top`.
     pub fn draw(&self, middle: f64, top: f64) -> Vec<Shape> {
         let (size, key) = (self.sheet.text, key(self.sheet));
         let mut shapes = Vec::new();
@@ -133,12 +134,12 @@ impl<'a> Legend<'a> {
     }
 }
 
-/// Room for a line before its name.
+/// The width of the line before an entry's name.
 fn key(sheet: &Sheet) -> f64 {
     sheet.scaled(34.0)
 }
 
-/// Between two entries.
+/// The space between two entries.
 fn gap(sheet: &Sheet) -> f64 {
     sheet.scaled(18.0)
 }

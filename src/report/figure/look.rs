@@ -1,7 +1,7 @@
 //! How the lines of a figure look: colours, markers, dashes.
 //!
-//! A look is a number. The first twelve differ in colour, marker, and, where their colours are
-//! alike in grey, in their dashes; later ones have the same colours with other markers.
+//! A look is a number. The first twelve differ in colour and marker, and in their dashes too where
+//! their colours look alike in grey; later ones have the same colours with other markers.
 
 use super::{
     picture::{Color, Shape},
@@ -10,11 +10,11 @@ use super::{
 
 /// Opacity of a band.
 pub const BAND: f64 = 0.16;
-/// Share of the colour, beside white, in the line of one seed, and of a curve before it was
-/// smoothed.
+/// The share of the colour, mixed with white, in the line of a single seed and of a curve before
+/// smoothing.
 const FAINT: f64 = 0.4;
 
-/// Dash and gap in turn, in points at the screen's size.
+/// The dash patterns: lengths of dash and gap in turn, in points at the screen's size.
 const PATTERNS: [&[f64]; 4] = [&[], &[8.0, 2.5], &[9.0, 2.0, 2.0, 2.0], &[3.5, 1.8]];
 /// The pattern of each colour: colours of one pattern are far apart in lightness, so that grey
 /// tells them apart too.
@@ -37,7 +37,7 @@ pub enum Look {
 }
 
 impl Look {
-    /// Its line from `at` to the right, as the legend shows it.
+    /// Its line in the legend, from `at` to the right.
     pub fn key(self, sheet: &Sheet, at: (f64, f64), width: f64) -> Vec<Shape> {
         let points = [at, (at.0 + width, at.1)];
         let mut shapes = self.line(sheet, &points, GREY);
@@ -73,13 +73,13 @@ pub fn color(look: usize) -> Color {
     PALETTE[look % PALETTE.len()]
 }
 
-/// The colour of what stands behind the curve of a look: opaque, since a line that crosses itself
-/// would show it.
+/// The colour of lines behind the curve of a look. It is opaque, since a transparent line would
+/// show where it crosses itself.
 pub fn faint(look: usize) -> Color {
     color(look).map(|channel| (255.0 - FAINT * (255.0 - f64::from(channel))).round() as u8)
 }
 
-/// How often the palette was used up before this look.
+/// How many times the palette was used up before this look.
 fn round(look: usize) -> usize {
     look / PALETTE.len()
 }
@@ -125,6 +125,7 @@ pub fn outline(look: usize) -> Vec<(f64, f64)> {
         };
         (0..corners).map(corner).collect::<Vec<_>>()
     };
+    // Shapes with corners look smaller than a circle of the same radius.
     let larger = |factor: f64, points: Vec<(f64, f64)>| -> Vec<(f64, f64)> {
         points
             .into_iter()

@@ -1,7 +1,7 @@
 //! Figures: curves as panels in a grid, with one legend outside the axes.
 //!
-//! Owns where everything is put. Knows nothing of files, and of plotters only that [`picture`]
-//! does. Start at [`draw`].
+//! Owns where everything is put. Knows nothing of files; plotters is named in [`picture`] alone.
+//! Start at [`draw`].
 
 mod caption;
 mod legend;
@@ -33,7 +33,7 @@ use words::{text, wrap};
 
 const LINE: f64 = 1.35; // of a text's size
 
-/// The figure of `data`: for print where it has a width, else for the screen.
+/// The figure of `data`: for print where it has a width, otherwise for the screen.
 pub fn draw(data: &CurveData) -> Picture {
     let sheet = data.width.map_or(Sheet::SCREEN, Sheet::print);
     let grid = Grid::new(data, sheet);
@@ -52,7 +52,8 @@ pub fn draw(data: &CurveData) -> Picture {
     let top = page.y;
     grid.panels(data, &mut page);
 
-    // In the empty cells of the last row, below the names of the x axes above them; else below all.
+    // The legend goes into the empty cells of the last row, below the names of the x axes above
+    // them, and otherwise below all panels.
     let (free, bottom) = (grid.free(), page.y);
     let beside = sheet.width - sheet.margin - free as f64 * grid.panel_width / 2.0;
     let legend = |room| Legend::new(data, &sheet, room);
@@ -81,13 +82,13 @@ pub fn draw(data: &CurveData) -> Picture {
     }
 }
 
-/// Where the panels stand.
+/// The grid of the panels on a page.
 struct Grid {
     sheet: Sheet,
     width: f64,
     panels: usize,
     columns: usize,
-    /// Of a panel, all that belongs to it included but the name of the x axis.
+    /// The width of a panel with everything that belongs to it.
     panel_width: f64,
     height: f64,
 }
@@ -95,7 +96,7 @@ struct Grid {
 impl Grid {
     /// The least width of a panel in print, points: two stand in a column.
     const NARROWEST: f64 = 105.0;
-    /// The height of axes in print over a panel's width.
+    /// The height of the axes in print, as a share of a panel's width.
     const SHAPE: f64 = 0.6;
 
     fn new(data: &CurveData, sheet: Sheet) -> Self {
@@ -190,8 +191,8 @@ impl Grid {
     }
 }
 
-/// What stands above a panel; in print with its letter, where there are several, and the paper's
-/// name of its environment.
+/// The title above a panel. In print, it has the paper's name of the environment, and a letter
+/// where there are several panels.
 fn title(data: &CurveData, panel: &Panel, index: usize) -> String {
     if data.width.is_none() {
         return panel.title.clone();

@@ -12,8 +12,8 @@ use crate::{
     spec::Band,
 };
 
-/// Where a panel lies on the page, everything that belongs to it included but the name of the x
-/// axis, which hangs below.
+/// The place of a panel on the page. It includes everything that belongs to the panel but the name
+/// of the x axis, which hangs below.
 #[derive(Debug, Clone, Copy)]
 pub struct Frame {
     /// Its left edge.
@@ -32,7 +32,7 @@ pub struct Frame {
     pub x_label: bool,
 }
 
-/// The inside of the axes, and what they show.
+/// The inside of the axes, with their scales.
 struct Axes {
     left: f64,
     right: f64,
@@ -48,7 +48,7 @@ impl Axes {
         (across, self.height_of(y))
     }
 
-    /// The y of a value; at the frame where it lies outside.
+    /// The y coordinate of a value; that of the frame where the value lies outside.
     fn height_of(&self, y: f64) -> f64 {
         let height = self.bottom - self.y.fraction(y) * (self.bottom - self.top);
         // A logarithm of 0 or less is at the bottom.
@@ -63,20 +63,20 @@ impl Axes {
 /// Points of the page that a line leads through.
 type Path = Vec<(f64, f64)>;
 
-/// The dashes of the paper's values, to the right of the axes, at the screen's size.
+/// The width for the dashes of the paper's values to the right of the axes, at the screen's size.
 pub const GUTTER: f64 = 16.0;
 
-/// What a panel has above its axes: its title.
+/// The height above the axes of a panel, for its title.
 fn head(sheet: &Sheet) -> f64 {
     1.64 * sheet.text
 }
 
-/// What a panel has below its axes: the labels of their ticks.
+/// The height below the axes of a panel, for the labels of their ticks.
 fn foot(sheet: &Sheet) -> f64 {
     1.1 * sheet.tick + sheet.scaled(10.0)
 }
 
-/// What hangs below a panel whose x axis is named.
+/// The height that the name of the x axis takes below a panel.
 pub fn below(sheet: &Sheet) -> f64 {
     1.4 * sheet.text
 }
@@ -95,7 +95,7 @@ pub fn label_width(data: &CurveData, panel: &Panel, sheet: &Sheet, height: f64) 
         .fold(sheet.scaled(12.0), f64::max)
 }
 
-/// Labels of the y axis in a panel of `height`, about.
+/// The number of labels to aim for on the y axis of a panel of `height`.
 fn wanted(sheet: &Sheet, height: f64) -> usize {
     ((height - head(sheet) - foot(sheet)) / (2.3 * sheet.tick)) as usize
 }
@@ -125,6 +125,7 @@ pub fn draw(
     };
     let mut shapes = Vec::new();
     let middle = (axes.left + axes.right) / 2.0;
+    // The title is centred over the axes, so the nearer edge of the frame limits its width.
     let room =
         2.0 * (middle - frame.left).min(frame.left + frame.width - middle) - sheet.scaled(4.0);
     let at = (middle, axes.top - sheet.scaled(5.0));
@@ -187,7 +188,7 @@ fn why_empty(data: &CurveData, curves: &[(usize, &Curve)]) -> String {
     }
 }
 
-/// From 0 to a little beyond the last point, or as far as scores go.
+/// The x axis: from 0 to a little beyond the last point, or the range of scores.
 pub fn x_scale(data: &CurveData, panel: &Panel) -> Scale {
     let (low, high) = match data.across {
         Across::Scores(low, high) => (low, high),
@@ -216,8 +217,8 @@ pub fn x_ticks(data: &CurveData, x: &Scale, wanted: usize) -> Vec<Tick> {
     }
 }
 
-/// All means and references lie inside; bands count as far as half that extent beyond it, since the
-/// interval of two seeds would else leave nothing of the curves.
+/// The y axis: all means and references lie inside. Bands extend it by at most half that range to
+/// either side, since the wide interval of two seeds would otherwise flatten the curves.
 pub fn y_scale(data: &CurveData, panel: &Panel) -> Scale {
     let curves = || panel.curves.iter().flatten();
     let values = curves()
@@ -268,6 +269,7 @@ fn grid(sheet: &Sheet, axes: &Axes, x_ticks: &[Tick], y_ticks: &[Tick]) -> Vec<S
         line([(x, axes.bottom), (x, axes.bottom + long)], BLACK);
     }
     for tick in y_ticks.iter().filter(|tick| !tick.label.is_empty()) {
+        // Digits are about 0.72 em high, so this puts their middle at the tick.
         let at = (axes.left - gap, axes.height_of(tick.at) + 0.36 * sheet.tick);
         shapes.push(Shape::Text(text(
             &tick.label,
@@ -301,7 +303,7 @@ fn outline(sheet: &Sheet, axes: &Axes) -> [Shape; 1] {
         bottom,
         ..
     } = *axes;
-    // Once around and a little further, so that the corner where it begins is a joint too.
+    // Once around and a little further, so that the starting corner is joined too.
     let points = vec![
         (left, top),
         (right, top),
@@ -317,8 +319,8 @@ fn outline(sheet: &Sheet, axes: &Axes) -> [Shape; 1] {
     }]
 }
 
-/// From the back to the front: bands, single seeds, what was smoothed, the demonstration,
-/// tolerances, curves, markers, the paper's values.
+/// All lines of a panel, from the back to the front: bands, single seeds, what was smoothed, the
+/// demonstration, tolerances, curves, markers, the paper's values.
 fn lines(data: &CurveData, panel: &Panel, sheet: &Sheet, axes: &Axes) -> Vec<Shape> {
     let looks = data.looks.iter().zip(&panel.curves);
     let curves: Vec<(usize, &Curve)> = looks
@@ -358,6 +360,7 @@ fn lines(data: &CurveData, panel: &Panel, sheet: &Sheet, axes: &Axes) -> Vec<Sha
         }
     }
     for (turn, (look, path)) in paths.iter().enumerate() {
+        // A marker must not stand in a gap, where the curve has no line.
         let drawn = |at: &(f64, f64)| {
             let over =
                 |stretch: &Path| Some(stretch.first()?.0 <= at.0 && at.0 <= stretch.last()?.0);
@@ -384,12 +387,12 @@ fn lines(data: &CurveData, panel: &Panel, sheet: &Sheet, axes: &Axes) -> Vec<Sha
     shapes
 }
 
-/// How many markers a curve gets: enough to tell it, not to hide it.
+/// The number of markers on a curve: enough to recognise it, too few to hide it.
 fn markers(axes: &Axes) -> usize {
     if axes.right - axes.left < 120.0 { 2 } else { 3 }
 }
 
-/// The seeds that are drawn as lines of their own.
+/// The seeds that get a line of their own.
 fn drawn_singles<'a>(
     data: &CurveData,
     curve: &'a Curve,
@@ -402,7 +405,7 @@ fn drawn_singles<'a>(
         .map(|single| &single.points)
 }
 
-/// The lines of single seeds, and of the mean before it was smoothed.
+/// The lines of single seeds, and of the mean before smoothing.
 fn faint(data: &CurveData, look: usize, curve: &Curve, sheet: &Sheet, axes: &Axes) -> Vec<Shape> {
     let stretches = drawn_singles(data, curve)
         .chain([&curve.raw])
@@ -418,8 +421,8 @@ fn faint(data: &CurveData, look: usize, curve: &Curve, sheet: &Sheet, axes: &Axe
     stretches.map(line).collect()
 }
 
-/// The lines of a curve: its stretches between gaps; of one that does not train, a level line from
-/// side to side, of more points than it gets markers.
+/// The lines of a curve: its stretches between gaps. A method that does not train gets a level line
+/// from side to side, with more points than markers.
 fn stretches(curve: &Curve, axes: &Axes, markers: usize) -> Vec<Path> {
     if let Some(level) = curve.level() {
         let (y, width) = (axes.height_of(level.mean), axes.right - axes.left);
@@ -438,6 +441,7 @@ fn stretches(curve: &Curve, axes: &Axes, markers: usize) -> Vec<Path> {
 /// The band of a curve; an error bar where a stretch of it is one point.
 fn band(look: usize, curve: &Curve, axes: &Axes) -> Vec<Shape> {
     let color = look::color(look);
+    // A method that does not train has one value, whose band spans the whole width.
     if let Some((low, high)) = curve.level().and_then(|level| level.band) {
         let (low, high) = (axes.height_of(low), axes.height_of(high));
         let points = vec![
@@ -485,9 +489,9 @@ fn band(look: usize, curve: &Curve, axes: &Axes) -> Vec<Shape> {
     curve.stretches().filter_map(of_stretch).collect()
 }
 
-/// Where a curve's markers stand: at every point of a short curve, else `count` evenly along x,
-/// `shift` (0 to 1) of their distance on, so that the markers of several curves do not hide each
-/// other.
+/// The places of a curve's markers: every point of a short curve, otherwise `count` places evenly
+/// along x. They are moved on by `shift` (0 to 1) of their distance, so that the markers of several
+/// curves do not hide each other.
 fn marked(path: &[(f64, f64)], count: usize, shift: f64) -> Vec<(f64, f64)> {
     let (Some(first), Some(last)) = (path.first(), path.last()) else {
         return Vec::new();

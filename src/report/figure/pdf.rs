@@ -25,12 +25,12 @@ const CID_FONT: Ref = Ref::new(6);
 const DESCRIPTOR: Ref = Ref::new(7);
 const FONT_PROGRAM: Ref = Ref::new(8);
 const TO_UNICODE: Ref = Ref::new(9);
-/// The first of the opacities.
+/// The object number of the first opacity.
 const OPACITIES: i32 = 10;
 
 /// The name of the font on the page.
 const FONT_NAME: Name = Name(b"F");
-/// Six letters stand for the part of the font that is there.
+/// The font's name; its six-letter prefix marks a subset of the font, as PDF requires.
 const BASE_FONT: Name = Name(b"MCPORN+DejaVuSans");
 const IDENTITY: SystemInfo = SystemInfo {
     registry: Str(b"Adobe"),
@@ -47,6 +47,7 @@ impl Picture {
     ///
     /// None that the embedded font, which the tests check, can give.
     pub fn pdf(&self) -> io::Result<Vec<u8>> {
+        // PDF sets opacities through named states, so each opacity in use gets one.
         let opacities: BTreeSet<u32> = self.shapes.iter().filter_map(opacity).collect();
         let opacities: BTreeMap<u32, (String, Ref)> = (0..)
             .zip(opacities)
@@ -93,7 +94,7 @@ impl Picture {
     }
 }
 
-/// In percent, of what has one.
+/// The opacity of a filled area in percent; `None` for lines and text.
 fn opacity(shape: &Shape) -> Option<u32> {
     match shape {
         Shape::Area { opacity, .. } => Some((opacity * 100.0).round() as u32),
@@ -106,12 +107,12 @@ struct Page {
     content: Content,
     height: f64,
     font: Glyphs,
-    /// The name of each, in percent.
+    /// The name and object of each opacity, by its percentage.
     opacities: BTreeMap<u32, (String, Ref)>,
 }
 
 impl Page {
-    /// A point as PDF has it, whose y goes up.
+    /// A point in PDF's coordinates, whose y axis points up.
     fn at(&self, (x, y): (f64, f64)) -> (f32, f32) {
         (x as f32, (self.height - y) as f32)
     }
@@ -193,11 +194,11 @@ impl Page {
     }
 }
 
-/// The glyphs that are used, numbered anew.
+/// The glyphs in use, with new numbers.
 #[derive(Default)]
 struct Glyphs {
     mapper: GlyphRemapper,
-    /// By the new number: what it stands for, and its advance in thousandths of an em.
+    /// Each new number's character, and its advance in thousandths of an em.
     used: BTreeMap<u16, (char, f32)>,
 }
 
@@ -248,6 +249,7 @@ impl Glyphs {
         pdf.stream(FONT_PROGRAM, &deflated(&program)?)
             .filter(Filter::FlateDecode)
             .pair(Name(b"Length1"), length);
+        // The map back to characters makes the text searchable and copyable.
         let mut unicode = UnicodeCmap::new(Name(b"Adobe-Identity-UCS"), IDENTITY);
         self.used
             .iter()

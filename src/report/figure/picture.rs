@@ -1,7 +1,7 @@
 //! A picture as a list of shapes, and its way to PNG and SVG.
 //!
-//! Owns the font and everything of plotters, which is named here alone. Knows nothing of curves.
-//! Start at [`Picture`].
+//! Owns the font and everything that needs plotters, which is named here alone. Knows nothing of
+//! curves. Start at [`Picture`].
 //!
 //! Coordinates are points (1/72 inch), x to the right and y down. The same shapes give the same
 //! bytes, always.
@@ -18,13 +18,13 @@ use plotters::{
     },
 };
 
-/// Every pixel of a PNG is the mean of so many squared.
+/// Every pixel of a PNG is the mean of this number squared.
 const SAMPLES: u32 = 2;
-/// An SVG's coordinates are whole numbers, so many to a point.
+/// An SVG's coordinates are whole numbers, this many to a point.
 const SVG_UNITS: u32 = 20;
 /// Points to an inch.
 const INCH: f64 = 72.0;
-/// What an SVG asks its reader for, the embedded font first.
+/// The fonts that an SVG asks its viewer for, the embedded one first.
 const SVG_FONT: &str = "DejaVu Sans, Verdana, sans-serif";
 
 /// The font of all text.
@@ -34,7 +34,7 @@ static FONT: LazyLock<FontRef<'static>> = LazyLock::new(|| {
     FontRef::try_from_slice(FONT_FILE).expect("the embedded font is checked by the tests")
 });
 
-/// What the font measures, in ems.
+/// The font's metrics, in ems.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Metrics {
     /// Above the base line.
@@ -53,7 +53,7 @@ impl Metrics {
     }
 }
 
-/// The font's.
+/// The metrics of the embedded font.
 pub fn metrics() -> Metrics {
     let em = FONT.units_per_em().unwrap_or(2048.0);
     let (ascent, descent) = (FONT.ascent_unscaled() / em, FONT.descent_unscaled() / em);
@@ -68,7 +68,7 @@ pub fn metrics() -> Metrics {
 /// Red, green, blue.
 pub type Color = [u8; 3];
 
-/// What is drawn, in order.
+/// A picture: its size, and its shapes in drawing order.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Picture {
     /// Width, points.
@@ -86,20 +86,20 @@ pub struct Picture {
 pub enum Shape {
     /// A line through points, with round joints.
     Line {
-        /// At least two.
+        /// At least two points.
         points: Vec<(f64, f64)>,
-        /// Its breadth.
+        /// The breadth of the line, points.
         width: f64,
-        /// Its colour.
+        /// The colour of the line.
         color: Color,
     },
     /// A filled polygon.
     Area {
-        /// Its corners.
+        /// The corners of the polygon.
         points: Vec<(f64, f64)>,
-        /// Its colour.
+        /// The colour of the polygon.
         color: Color,
-        /// 0 invisible, 1 opaque.
+        /// From 0, invisible, to 1, opaque.
         opacity: f64,
     },
     /// A line of text.
@@ -109,21 +109,21 @@ pub enum Shape {
 /// A line of text.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Text {
-    /// What is written.
+    /// The characters.
     pub text: String,
-    /// A point of the base line: its start, middle or end.
+    /// A point on the base line, the text's start, middle or end.
     pub at: (f64, f64),
-    /// Which.
+    /// Which of these three points `at` is.
     pub anchor: Anchor,
-    /// The em.
+    /// The font size: the length of an em, points.
     pub size: f64,
-    /// Its colour.
+    /// The colour of the text.
     pub color: Color,
-    /// Whether it runs upwards.
+    /// Whether the text runs upwards.
     pub upwards: bool,
 }
 
-/// Which point of a text is given.
+/// Which point on the base line of a text its position is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Anchor {
     /// The left end.
@@ -139,7 +139,7 @@ pub fn text_width(text: &str, size: f64) -> f64 {
     glyphs(text, size as f32).1.into()
 }
 
-/// The glyphs of `text` with the x of their origins, and the width of all.
+/// The glyphs of `text` with the x of their origins, and the width of the whole text.
 pub fn glyphs(text: &str, size: f32) -> (Vec<(ab_glyph::GlyphId, f32)>, f32) {
     let font = FONT.as_scaled(scale(size));
     let (mut glyphs, mut x, mut previous) = (Vec::new(), 0.0, None);
@@ -153,13 +153,13 @@ pub fn glyphs(text: &str, size: f32) -> (Vec<(ab_glyph::GlyphId, f32)>, f32) {
     (glyphs, x)
 }
 
-/// What ab_glyph, which counts from ascent to descent, calls an em of `size`.
+/// The ab_glyph scale of an em of `size`. ab_glyph measures a font from ascent to descent instead.
 fn scale(size: f32) -> PxScale {
     PxScale::from(size * FONT.height_unscaled() / FONT.units_per_em().unwrap_or(2048.0))
 }
 
 impl Picture {
-    /// The picture as a PNG of its `dpi`, which the file says.
+    /// The picture as a PNG at its `dpi`, which the file records.
     ///
     /// # Errors
     ///
@@ -374,7 +374,7 @@ fn filled([red, green, blue]: Color, opacity: f64) -> ShapeStyle {
     color.filled()
 }
 
-/// Each pixel of the result is the mean of [`SAMPLES`] by [`SAMPLES`].
+/// Shrinks the image: each pixel of the result is the mean of [`SAMPLES`] by [`SAMPLES`] pixels.
 fn coarser(pixels: &[u8], (width, height): (u32, u32)) -> Vec<u8> {
     let (samples, row) = (SAMPLES as usize, width as usize * 3);
     let mut coarse = Vec::with_capacity(pixels.len() / (samples * samples));
@@ -392,7 +392,7 @@ fn coarser(pixels: &[u8], (width, height): (u32, u32)) -> Vec<u8> {
     coarse
 }
 
-/// The PNG of RGB pixels, so many to an inch.
+/// The PNG of RGB pixels, at `dpi` pixels to an inch.
 fn encode(pixels: &[u8], (width, height): (u32, u32), dpi: u32) -> io::Result<Vec<u8>> {
     let to_the_metre = (f64::from(dpi) / 0.0254).round() as u32;
     let mut bytes = Vec::new();

@@ -3,10 +3,10 @@
 //!
 //! Owns the problem and its sketch. Knows nothing of runs. Start at [`draw`].
 //!
-//! The objective has a lower summit near the current policy and a higher one beyond it, which the
-//! demonstration, although not on it, points to. The trust region's best step climbs the lower
-//! summit; the half-plane in which the linearised mimicry constraint holds turns it towards the
-//! higher one.
+//! The objective has a lower summit near the current policy and a higher one beyond it, to which
+//! the demonstration points, although it is not on it. The trust region's best step climbs the
+//! lower summit; the half-plane in which the linearised mimicry constraint holds turns it towards
+//! the higher one.
 
 use crate::{
     report::ReportError,
@@ -21,7 +21,7 @@ use super::{
 
 type Point = (f64, f64);
 
-/// A summit of the objective: where, how high, how broad.
+/// The summits of the objective: place, height and breadth of each.
 const SUMMITS: [(Point, f64, f64); 2] = [((-1.15, 0.75), 0.6, 0.62), ((1.65, 0.85), 1.0, 0.68)];
 /// The policy that imitates the demonstration best; D is the squared distance from it.
 const DEMONSTRATION: Point = (1.1, 0.7);
@@ -36,7 +36,7 @@ const RADIUS: f64 = 0.22;
 /// The part of the plane that is drawn: left, right, bottom, top.
 const WINDOW: [f64; 4] = [-2.2, 2.7, -1.2, 1.9];
 const LEVELS: usize = 9;
-/// Cells of the grid that contours are found on, to each side.
+/// Cells along each side of the grid on which contours are found.
 const CELLS: usize = 90;
 
 const WITHOUT: Color = PALETTE[1];
@@ -86,6 +86,7 @@ pub fn draw(inches: Option<f64>) -> Result<Picture, ReportError> {
         plane.top,
         plane.top + height,
     );
+    // Once around and a little further, so that the starting corner is joined too.
     shapes.push(line(
         vec![(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0), (x1, y0)],
         0.6,
@@ -169,7 +170,7 @@ fn objective((x, y): Point) -> f64 {
         .sum()
 }
 
-/// Its gradient.
+/// The gradient of the objective.
 fn gradient(at: Point) -> Point {
     let slope = |axis: usize| {
         let along = |point: Point| if axis == 0 { point.0 } else { point.1 };
@@ -192,7 +193,7 @@ fn mimicry() -> (Point, f64) {
     )
 }
 
-/// The Hessian for the solver.
+/// The Hessian as the solver takes it.
 struct Metric;
 
 impl LinearOperator for Metric {
@@ -227,7 +228,7 @@ fn step(constrained: bool) -> Result<Point, ReportError> {
     Ok((CURRENT.0 + x, CURRENT.1 + y))
 }
 
-/// From the plane of parameters to the page.
+/// Maps the plane of parameters to the page.
 struct Plane {
     left: f64,
     top: f64,
@@ -283,7 +284,7 @@ fn between(from: Point, to: Point, share: f64) -> Point {
     )
 }
 
-/// Where the linearised constraint holds, within the window, and its boundary.
+/// The half-plane where the linearised constraint holds, cut to the window, and its boundary.
 fn half_plane(plane: &Plane, sheet: &Sheet) -> Vec<Shape> {
     let (b, slack) = mimicry();
     let [left, right, bottom, top] = WINDOW;
@@ -317,7 +318,7 @@ fn half_plane(plane: &Plane, sheet: &Sheet) -> Vec<Shape> {
     ]
 }
 
-/// Where the KL divergence's second order is the radius.
+/// The ellipse on which the KL divergence, to second order, equals the trust region's radius.
 fn ellipse(plane: &Plane) -> Vec<Point> {
     let point = |turn: usize| {
         let (y, x) = (turn as f64).to_radians().sin_cos();
@@ -385,7 +386,7 @@ fn level((x, y): Point, half: f64) -> Vec<Point> {
     vec![(x - half, y), (x + half, y)]
 }
 
-/// Two entries a row.
+/// A legend of two entries per row.
 struct Legend {
     shapes: Vec<Shape>,
     sheet: Sheet,

@@ -1,16 +1,17 @@
-//! What a figure is drawn for: sizes, widths and colours.
+//! The sizes, widths and colours of a figure, for print or for a screen.
 
 use super::picture::Color;
 
-/// Text and frames.
+/// The colour of text and frames.
 pub const BLACK: Color = [0x20, 0x20, 0x20];
-/// Notes, and lines that are no curve.
+/// The colour of notes, and of lines that are not curves.
 pub const GREY: Color = [0x60, 0x60, 0x60];
-/// The lines behind the curves.
+/// The colour of the lines behind the curves.
 pub const LIGHT: Color = [0xe6, 0xe6, 0xe6];
 
-/// The curves' colours: Okabe and Ito (2008), without their yellow, which is too light for a line
-/// on white; then five that differ from those and from each other in lightness too.
+/// The curves' colours. The first are from Okabe and Ito (2008), without their yellow, which is too
+/// light for a line on white. Five more follow, which also differ in lightness from those and from
+/// each other.
 pub const PALETTE: [Color; 12] = [
     [0x00, 0x72, 0xb2],
     [0xd5, 0x5e, 0x00],
@@ -29,36 +30,36 @@ pub const PALETTE: [Color; 12] = [
 /// Points to an inch.
 const INCH: f64 = 72.0;
 
-/// What a figure is drawn for, all lengths in points.
+/// The medium that a figure is drawn for. All lengths are in points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sheet {
-    /// Whether for print: without a title and with what a caption says left to it, panels with
-    /// letters.
+    /// Whether the figure is for print. Then it has no title, its notes are left to the caption,
+    /// and its panels have letters.
     pub print: bool,
-    /// Its width; of a figure for the screen, that of three panels.
+    /// The figure's width; on a screen, that of three panels.
     pub width: f64,
-    /// Around everything.
+    /// The margin around everything.
     pub margin: f64,
-    /// Labels of axes and the legend.
+    /// The font size of the axes' labels and the legend.
     pub text: f64,
-    /// Labels of ticks.
+    /// The font size of tick labels.
     pub tick: f64,
-    /// The title.
+    /// The font size of the title.
     pub title: f64,
-    /// The notes below the legend.
+    /// The font size of the notes below the legend.
     pub note: f64,
-    /// Breadth of a curve.
+    /// The breadth of a curve.
     pub curve: f64,
-    /// Radius of a marker.
+    /// The radius of a marker.
     pub marker: f64,
-    /// Breadth of a frame and its ticks.
+    /// The breadth of a frame and its ticks.
     pub frame: f64,
     /// Pixels of a PNG to an inch.
     pub dpi: u32,
 }
 
 impl Sheet {
-    /// For a screen.
+    /// The style for a screen.
     pub const SCREEN: Self = Self {
         print: false,
         width: 760.0,
@@ -73,7 +74,8 @@ impl Sheet {
         dpi: 144,
     };
 
-    /// For print, so many inches wide: no text below 7 points, the least that journals take.
+    /// The style for print, this many inches wide. No text is below 7 points, the smallest size
+    /// that journals accept.
     pub fn print(inches: f64) -> Self {
         Self {
             print: true,
@@ -90,7 +92,7 @@ impl Sheet {
         }
     }
 
-    /// A length that is `points` where text is as large as on the screen.
+    /// The length that corresponds to `points` on the screen, scaled with the size of text.
     pub fn scaled(&self, points: f64) -> f64 {
         points * self.text / Self::SCREEN.text
     }

@@ -1,4 +1,4 @@
-//! Where an axis is marked, and how.
+//! The ticks of an axis: their places and labels.
 
 use crate::report::axis::{Notation, superscript};
 
@@ -9,22 +9,22 @@ pub struct Scale {
     pub low: f64,
     /// The upper end, above the lower one.
     pub high: f64,
-    /// Whether equal distances are equal ratios; then both ends are above 0.
+    /// Whether the axis is logarithmic; then both ends are above 0.
     pub log: bool,
 }
 
 /// A mark of an axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tick {
-    /// Where, in the units of the data.
+    /// The place of the mark, in the units of the data.
     pub at: f64,
-    /// What is written there; nothing at the small marks between powers of ten.
+    /// The text at the mark; empty at the small marks between powers of ten.
     pub label: String,
 }
 
 impl Scale {
-    /// The scale on which all of `values` lie, with some air; from 0 to 1 where there are none. On
-    /// a logarithmic one, values that are not positive do not count.
+    /// The scale on which all of `values` lie, with some space around them; from 0 to 1 where there
+    /// are none. On a logarithmic scale, values that are not positive are ignored.
     pub fn around(values: impl IntoIterator<Item = f64>, log: bool) -> Self {
         let position = |value: f64| if log { value.log10() } else { value };
         let kept = values
@@ -37,7 +37,7 @@ impl Scale {
         let (low, high) = match (low, high) {
             _ if low > high => (0.0, 1.0),
             _ if high - low <= 1e-9 * high.abs().max(low.abs()) => {
-                // One value alone: around it, so that it is not drawn on the frame.
+                // A single value gets a range around it, so that it is not drawn on the frame.
                 let half = if log || low == 0.0 {
                     0.5
                 } else {
@@ -104,7 +104,7 @@ impl Scale {
         )
     }
 
-    /// Every multiple of `step`; from `thousands` on they may be written with `k`.
+    /// Every multiple of `step`; values from `thousands` on may be written with `k`.
     fn multiples(&self, step: Step, thousands: f64) -> Vec<Tick> {
         let width = step.value(1);
         let (first, last) = (
@@ -121,7 +121,7 @@ impl Scale {
             .collect()
     }
 
-    /// One, two and five times powers of ten: multiples of one step would lie on each other at the
+    /// Marks at one, two and five times powers of ten, since multiples of one step would crowd the
     /// upper end.
     fn within_powers(&self) -> Vec<Tick> {
         let exponents = self.low.log10().floor() as i32..=self.high.log10().floor() as i32;
@@ -164,7 +164,7 @@ impl Scale {
 }
 
 /// The distance of marks: `digit` (1, 2 or 5) times ten to the `exponent`. A multiple of it has
-/// exact digits, so that labels of one axis differ whatever its numbers are.
+/// exact digits, so that no two labels of an axis are the same.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Step {
     digit: i64,
@@ -172,7 +172,7 @@ struct Step {
 }
 
 impl Step {
-    /// The least one that is not much less than `about`.
+    /// The smallest step that is not much smaller than `about`.
     fn near(about: f64) -> Self {
         let least = 0.8 * about;
         let exponent = least.log10().floor() as i32;
@@ -189,7 +189,7 @@ impl Step {
         }
     }
 
-    /// The multiple's value, the nearest number to its digits.
+    /// The value of a multiple: the number nearest to its digits.
     fn value(self, multiple: i64) -> f64 {
         let digits = i128::from(multiple) * i128::from(self.digit);
         format!("{digits}e{}", self.exponent)
@@ -235,7 +235,7 @@ impl Step {
             .unwrap_or_default()
     }
 
-    /// The multiple's digits over ten to the `unit`, then its name.
+    /// The digits of a multiple divided by ten to the `unit`, followed by the unit's `name`.
     fn label(self, multiple: i64, unit: i32, name: &str) -> String {
         let digits = i128::from(multiple) * i128::from(self.digit);
         if digits == 0 {

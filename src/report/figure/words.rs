@@ -3,7 +3,7 @@
 use super::picture::{Anchor, Color, Text, text_width};
 use crate::escape;
 
-/// A line of text, harmless whatever it says.
+/// A line of text, with characters that could do harm made harmless.
 pub fn text(text: &str, at: (f64, f64), anchor: Anchor, size: f64, color: Color) -> Text {
     Text {
         text: escape::plain(text),

@@ -1,4 +1,4 @@
-//! The claims on the page: a line each, which opens to the numbers of its rows.
+//! The claims on the page: one line per claim, which opens to show the numbers of its rows.
 
 use super::{
     parts::{files, notes, plural, prose, verdict},
@@ -23,7 +23,7 @@ pub fn body(data: &ClaimsData) -> String {
     )
 }
 
-/// How many claims hold everywhere, and what of the others.
+/// The number of claims that hold everywhere, and words on the others.
 pub fn counts(data: &ClaimsData) -> (String, String) {
     let all: Vec<&str> = data.by_claim().map(worst).collect();
     let of = |verdict: &str| all.iter().filter(|found| **found == verdict).count();
@@ -35,8 +35,8 @@ pub fn counts(data: &ClaimsData) -> (String, String) {
     (format!("{} of {}", of("holds"), all.len()), words)
 }
 
-/// What a claim comes to over all of its rows: contradicted where it is in one, and held where it
-/// is in all.
+/// The verdict on a claim over all of its rows: contradicted where one row contradicts it, and held
+/// where all rows hold.
 fn worst(rows: &[ClaimRow]) -> &'static str {
     match () {
         () if rows
@@ -90,6 +90,7 @@ fn numbers(rows: &[ClaimRow]) -> String {
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &x| {
             (a.min(x), b.max(x))
         });
+    // The first column is the claim, which the table's label already names.
     let head: String = grid.headers[1..]
         .iter()
         .zip(&grid.numeric[1..])

@@ -25,13 +25,13 @@ use crate::{
     },
 };
 
-/// Numbers that a page holds, about; each takes 10 bytes at most in the figure and beside it.
+/// About how many numbers a page holds; each takes at most 10 bytes in the figure and the data.
 const NUMBERS: usize = 250_000;
 /// The size of text.
 const TEXT: f64 = 110.0;
 /// The radius of a marker.
 const MARK: f64 = 34.0;
-/// Markers of a curve.
+/// The number of markers on a curve.
 const MARKS: usize = 3;
 /// Room for the paper's values, to the right of the axes.
 const GUTTER: f64 = 140.0;
@@ -66,7 +66,7 @@ pub fn body(figures: &[Figure<'_>]) -> String {
     }
 }
 
-/// Every how many points one is shown.
+/// The stride between shown points: one in this many is shown.
 pub fn stride(figures: &[Figure<'_>]) -> usize {
     let numbers = |curve: &Curve| curve.points.len() * (6 + curve.singles.len());
     all_curves(figures)
@@ -84,7 +84,7 @@ fn all_curves<'a>(figures: &'a [Figure<'_>]) -> impl Iterator<Item = &'a Curve> 
         .flat_map(|panel| panel.curves.iter().flatten())
 }
 
-/// What a figure draws, where that is curves.
+/// The curves of a figure; `None` where it is a picture.
 pub fn curves_of<'a>(figure: &'a Figure<'_>) -> Option<&'a CurveData> {
     match &figure.shows {
         Shows::Curves(data) => Some(data.as_ref()),
@@ -141,7 +141,7 @@ fn size(data: &CurveData) -> (&'static str, f64, f64) {
     }
 }
 
-/// A switch for each series, and what the other lines are.
+/// A switch for each series, and a key to the other lines.
 fn legend(data: &CurveData) -> String {
     let series = data.series.iter().zip(&data.looks).enumerate().map(|(index, (label, &look))| {
         format!(
@@ -183,7 +183,7 @@ fn legend(data: &CurveData) -> String {
     series.chain(others).collect()
 }
 
-/// The inside of the axes, and what they show.
+/// The inside of the axes, with their scales.
 pub struct Axes {
     /// The left edge.
     pub left: f64,
@@ -193,14 +193,14 @@ pub struct Axes {
     pub top: f64,
     /// The lower edge.
     pub bottom: f64,
-    /// Across.
+    /// The x axis.
     pub x: Scale,
-    /// Upwards.
+    /// The y axis.
     pub y: Scale,
 }
 
 impl Axes {
-    /// Those of `panel`.
+    /// The axes of `panel`.
     pub fn new(data: &CurveData, panel: &Panel) -> Self {
         let (_, width, height) = size(data);
         let (x, y) = (x_scale(data, panel), y_scale(data, panel));
@@ -408,7 +408,7 @@ fn mark(look: usize, (x, y): (f64, f64)) -> String {
     format!("<use href=\"#mark-{look}\" x=\"{x:.0}\" y=\"{y:.0}\"/>")
 }
 
-/// Every `stride`-th, and the last.
+/// Every `stride`-th item, and always the last one.
 pub fn thinned<T>(all: &[T], stride: usize) -> impl Iterator<Item = &T> {
     all.iter()
         .enumerate()
@@ -441,7 +441,7 @@ fn path(points: impl Iterator<Item = (f64, f64)>) -> String {
     text
 }
 
-/// The last value of each curve, for who does not see it.
+/// The last value of each curve, for readers who cannot see the figure.
 fn ends(data: &CurveData, title: &str) -> String {
     let row = |panel: &Panel, name: &str, curve: &Curve| {
         let end = curve.points.last()?;

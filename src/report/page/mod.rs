@@ -1,10 +1,9 @@
 //! The report as one web page, `index.html`: a file that opens offline, runs its own script alone
 //! and fetches nothing.
 //!
-//! Owns the page's order and its head. Knows nothing of how numbers come about: it shows what the
-//! other files of a report show, and beside them every run with its state. What it says stands in
-//! the text itself; its script adds values under the pointer, switches and sorting. Start at
-//! [`html`].
+//! Owns the page's order and its head. Knows nothing of how numbers come about: it shows the
+//! content of a report's other files, and every run with its state. All content is in the text
+//! itself; the script adds values under the pointer, switches and sorting. Start at [`html`].
 
 mod claims;
 mod figure;
@@ -32,7 +31,7 @@ use super::{
 use crate::{escape, spec::ExperimentSpec};
 use parts::{plural, prose, section};
 
-/// What a page shows.
+/// The contents of a page.
 pub struct Contents<'a> {
     /// The experiment.
     pub spec: &'a ExperimentSpec,
@@ -40,7 +39,7 @@ pub struct Contents<'a> {
     pub home: &'a Path,
     /// The command that made the report.
     pub command: String,
-    /// What is finished, failed and left out, a line each.
+    /// The state of the experiment: finished, failed and left-out runs, a line each.
     pub state: &'a [String],
     /// The runs, in the plan's order.
     pub runs: &'a [Run],
@@ -60,17 +59,17 @@ pub struct Contents<'a> {
 pub struct Figure<'a> {
     /// The name of its files.
     pub name: &'a str,
-    /// Above it.
+    /// The title above the figure.
     pub title: &'a str,
-    /// Below it.
+    /// The text below the figure.
     pub caption: String,
-    /// What it shows.
+    /// The drawing: curves or a picture.
     pub shows: Shows,
     /// The formats in which it lies beside the page.
     pub files: Vec<&'static str>,
 }
 
-/// What a figure shows.
+/// The drawing of a figure.
 pub enum Shows {
     /// Curves, which are drawn anew for the page.
     Curves(Box<CurveData>),
@@ -129,7 +128,7 @@ pub fn html(page: &Contents<'_>) -> String {
     )
 }
 
-/// How far it is, and what follows from it, in a few words.
+/// The experiment's progress and its results, in a few words.
 fn summary(page: &Contents<'_>) -> String {
     let count = |is: fn(&State) -> bool| page.runs.iter().filter(|run| is(&run.state)).count();
     let finished = count(|state| matches!(state, State::Finished(_)));
@@ -174,7 +173,7 @@ fn summary(page: &Contents<'_>) -> String {
             String::new(),
         ));
     }
-    // The first line says what the first tile does, and more only where runs were left out.
+    // The first line repeats the first tile, and says more only where runs were left out.
     let told = format!(
         "{finished} of {} finished.",
         amount::count(page.runs.len(), "run")

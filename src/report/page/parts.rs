@@ -9,7 +9,7 @@ pub fn section(id: &str, title: &str, body: &str) -> String {
     )
 }
 
-/// Text in which what stands between backticks is code.
+/// Text as HTML; parts between backticks become code.
 pub fn prose(text: &str) -> String {
     let parts: Vec<&str> = text.split('`').collect();
     if parts.len().is_multiple_of(2) {
@@ -22,7 +22,7 @@ pub fn prose(text: &str) -> String {
     parts.iter().enumerate().map(part).collect()
 }
 
-/// Notes that are shown when they are asked for.
+/// Notes that stay folded until a reader opens them.
 pub fn notes(title: &str, notes: &[String]) -> String {
     if notes.is_empty() {
         return String::new();
@@ -47,7 +47,7 @@ pub fn files(name: &str, extensions: &[&str]) -> String {
     format!("<p class=\"files\">{}</p>\n", links.join(" "))
 }
 
-/// What a file is, by how its name ends.
+/// The name of a file's format, by its extension.
 fn format_of(extension: &str) -> &str {
     match extension {
         ".csv" | "-curves.csv" => "CSV",
@@ -61,7 +61,7 @@ fn format_of(extension: &str) -> &str {
     }
 }
 
-/// A verdict with a mark, so that it is told by more than its colour.
+/// A verdict with a mark, so that colour is not its only sign.
 pub fn verdict(text: &str) -> String {
     let word = text.split([':', ' ']).next().unwrap_or_default();
     let class = match word {
@@ -73,7 +73,7 @@ pub fn verdict(text: &str) -> String {
     format!("<span class=\"verdict {class}\">{}</span>", prose(text))
 }
 
-/// The word for `count` of them.
+/// `word` in the singular or plural, as `count` asks.
 pub fn plural(count: usize, word: &str) -> String {
     if count == 1 {
         word.to_owned()

@@ -1,5 +1,5 @@
-//! What the page may do: show its own style and run its own script, both by their digests, and
-//! nothing else.
+//! The page's security policy: it may use its own style and run its own script, both known by their
+//! digests, and nothing else.
 
 /// The digests of `style.css` and `script.js`, as a Content Security Policy names them. The test
 /// below tells the right ones.

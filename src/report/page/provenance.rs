@@ -1,5 +1,5 @@
-//! Where the numbers of the page come from: what computed them, what they learned from, and how to
-//! compute them again.
+//! The origin of the page's numbers: the programs that computed them, the demonstrations, and the
+//! commands to compute them again.
 
 use std::collections::BTreeMap;
 

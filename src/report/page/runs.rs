@@ -1,4 +1,5 @@
-//! Every run on the page: a grid by state, a table with links to what each left, and what failed.
+//! Every run on the page: a grid by state, a table with links to the files of each, and the
+//! failures.
 
 use std::{
     collections::{BTreeSet, HashMap},
@@ -25,7 +26,7 @@ use crate::{
 /// The place of each run in the plan, by its id.
 type Places<'a> = HashMap<&'a str, usize>;
 
-/// What became of a run, as its square shows it.
+/// The state of a run, as its square shows it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// It used its budget.
@@ -50,7 +51,7 @@ impl Kind {
         Self::Missing,
     ];
 
-    /// That of `run`.
+    /// The state of `run`.
     pub fn of(run: &Run) -> Self {
         match &run.state {
             State::Finished(_) => Self::Finished,
@@ -61,7 +62,7 @@ impl Kind {
         }
     }
 
-    /// Its name in the page's style.
+    /// The state's class in the page's style sheet.
     pub fn class(self) -> &'static str {
         match self {
             Self::Finished => "finished",
@@ -82,7 +83,7 @@ impl Kind {
         }
     }
 
-    /// What stands in its square, so that it is told by more than its colour.
+    /// The mark in its square, so that colour is not the only difference.
     fn mark(self) -> &'static str {
         match self {
             Self::Finished => "✓",
@@ -134,7 +135,7 @@ pub fn body(page: &Contents<'_>) -> String {
     )
 }
 
-/// Settings by seeds: a square a run, environment by environment.
+/// Settings by seeds: one square per run, environment by environment.
 fn grid(runs: &[Run]) -> String {
     let seeds: BTreeSet<u64> = runs.iter().map(|run| run.spec.seed.0).collect();
     let all: Vec<&Run> = runs.iter().collect();
@@ -194,7 +195,7 @@ fn squares(setting: &Group<'_>, seed: u64, places: &Places<'_>) -> String {
     format!("<td>{}</td>", runs.map(square).collect::<String>())
 }
 
-/// The mean return of its final evaluation.
+/// The mean return of the run's final evaluation.
 fn returned(run: &Run) -> Option<f64> {
     Some(mean(&run.recording()?.final_returns()))
 }
@@ -234,7 +235,7 @@ fn row(home: &Path, index: usize, run: &Run) -> String {
     )
 }
 
-/// Links to what the run left, as far as it is there.
+/// Links to those of the run's files that exist.
 fn links(home: &Path, run: &Run) -> String {
     const FILES: [(&str, &str); 4] = [
         ("log.txt", "log"),
@@ -261,7 +262,7 @@ fn links(home: &Path, run: &Run) -> String {
     there.map(link).collect::<Vec<_>>().join(" ")
 }
 
-/// What failed, each with its cause and the end of its log.
+/// The failed runs, each with its cause and the end of its log.
 pub fn failures(page: &Contents<'_>) -> String {
     let failed = page.runs.iter().filter_map(|run| match &run.state {
         State::Failed { error } => Some((run, error)),

@@ -12,7 +12,7 @@ use crate::{
     },
 };
 
-/// All tables: of returns, and of what was set.
+/// All tables: of returns, and of settings.
 pub fn body(page: &Contents<'_>) -> String {
     let returns = page.tables.iter().map(|(name, data)| {
         let (matrix, list) = text::grids(data);
@@ -61,8 +61,8 @@ fn article(name: &str, title: &str, body: &str) -> String {
     )
 }
 
-/// A grid; where it is `sortable`, its rows can be ordered by any column. Wider than the page, it
-/// scrolls on its own.
+/// A grid as an HTML table. Where it is `sortable`, its rows can be ordered by any column. A table
+/// wider than the page scrolls on its own.
 pub fn html(grid: &Grid, label: &str, sortable: bool) -> String {
     let class = |column: usize| {
         if grid.numeric[column] {
@@ -99,7 +99,7 @@ pub fn html(grid: &Grid, label: &str, sortable: bool) -> String {
     )
 }
 
-/// A table of these cells of its head and these rows.
+/// An HTML table with this head and these rows.
 pub fn table(label: &str, sortable: bool, head: &str, rows: &str) -> String {
     let class = if sortable { " class=\"sortable\"" } else { "" };
     format!(

@@ -1,4 +1,4 @@
-//! Claims as text: what became of each, and the numbers of every row.
+//! Claims as text: the verdict on each, and the numbers of every row.
 
 use super::{
     Grid,
@@ -42,12 +42,12 @@ pub fn latex(name: &str, data: &ClaimsData) -> [String; 2] {
     ]
 }
 
-/// What became of each claim, for a terminal of `width` columns.
+/// The verdict on each claim, for a terminal of `width` columns.
 pub fn shown(data: &ClaimsData, width: Option<usize>) -> String {
     terminal::folded(TITLE, &summary(data), &[], width)
 }
 
-/// A line a claim.
+/// A grid of one line per claim.
 fn summary(data: &ClaimsData) -> Grid {
     let headers = ["claim", "what is compared", "verdict"]
         .map(str::to_owned)
@@ -67,7 +67,8 @@ fn summary(data: &ClaimsData) -> Grid {
     }
 }
 
-/// `return of algorithm=mcpo above that of algorithm=ppo`.
+/// The comparison that a claim makes, in words: `return of algorithm=mcpo above that of
+/// algorithm=ppo`.
 pub fn compared(claim: &Claim) -> String {
     let part = if claim.at == Part::Area {
         " over all of training"
@@ -98,8 +99,8 @@ pub fn compared(claim: &Claim) -> String {
     }
 }
 
-/// `holds in 5 of 7; contradicted in 1 of 7 (Hopper-v2); inconclusive in 1 of 7`, or the verdict of
-/// the only row.
+/// The verdicts of a claim's rows, in words: `holds in 5 of 7; contradicted in 1 of 7 (Hopper-v2);
+/// inconclusive in 1 of 7`, or the verdict of the only row.
 pub fn overall(rows: &[ClaimRow]) -> String {
     if let [only] = rows {
         return only.verdict.text();
@@ -134,7 +135,7 @@ pub fn overall(rows: &[ClaimRow]) -> String {
     parts.into_iter().flatten().collect::<Vec<_>>().join("; ")
 }
 
-/// Where a row is judged.
+/// The environment and setting in which a row is judged.
 pub fn place(row: &ClaimRow) -> String {
     let env = row
         .env
@@ -147,12 +148,12 @@ pub fn place(row: &ClaimRow) -> String {
     }
 }
 
-/// A line a row.
+/// A grid of one line per row.
 fn details(data: &ClaimsData) -> Grid {
     grid_of(&data.rows)
 }
 
-/// The numbers of `rows`, a line each.
+/// A grid of the numbers of `rows`, one line each.
 pub fn grid_of(rows: &[ClaimRow]) -> Grid {
     let headers = [
         "claim",
@@ -194,7 +195,7 @@ pub fn grid_of(rows: &[ClaimRow]) -> Grid {
     }
 }
 
-/// `5 and 4 of 5`.
+/// The finished and planned seeds of both sides, as `5 and 4 of 5`.
 fn seeds(row: &ClaimRow) -> String {
     let one = |count: Count| match count.found == count.planned {
         true => count.found.to_string(),

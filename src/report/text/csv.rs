@@ -53,6 +53,7 @@ pub fn csv(data: &TableData) -> Result<Vec<u8>, csv::Error> {
             let whole = |value: Option<u64>| value.map_or(String::new(), |x| x.to_string());
             let mut record: Vec<String> =
                 row.values.iter().chain(&column.values).map(value).collect();
+            // A single seed has no interval.
             record.extend([
                 number(cell.ours.map(|ours| ours.mean)),
                 number(cell.ours.filter(|_| cell.seeds > 1).map(|ours| ours.low)),
@@ -153,7 +154,7 @@ pub fn curves_csv(data: &CurveData) -> Result<Vec<u8>, csv::Error> {
         .map_err(|error| error.into_error().into())
 }
 
-/// These rows below their headers.
+/// The CSV of these rows below their headers.
 pub fn written(
     headers: &[&str],
     rows: impl Iterator<Item = Vec<String>>,
@@ -168,7 +169,7 @@ pub fn written(
         .map_err(|error| error.into_error().into())
 }
 
-/// A number that every program reads; nothing where there is none.
+/// A number in a form that every program reads; empty where there is none.
 pub fn number(value: Option<f64>) -> String {
     value
         .filter(|x| x.is_finite())
@@ -178,7 +179,7 @@ pub fn number(value: Option<f64>) -> String {
         })
 }
 
-/// The value of a key; nothing where the runs do not have it.
+/// The value of a key; empty where the runs do not have it.
 pub fn value(value: &Option<toml::Value>) -> String {
     match value {
         None => String::new(),

@@ -1,8 +1,8 @@
-//! How many digits a number of a table is shown with: as many as its deviation means.
+//! The digits of a table's numbers: as many as the deviation makes meaningful.
 
 /// `mean ± spread` with two digits of the spread, and at most `most` after the point: `1802 ± 13`,
-/// `118.66 ± 0.38`. A spread that these do not show is told to be smaller; one that is no finite
-/// number is not shown.
+/// `118.66 ± 0.38`. A spread too small for these digits is shown as smaller than them; one that is
+/// not finite is not shown.
 pub fn plus_minus(mean: f64, spread: f64, most: usize) -> String {
     if !spread.is_finite() {
         return alone(mean);
@@ -11,7 +11,7 @@ pub fn plus_minus(mean: f64, spread: f64, most: usize) -> String {
     if spread <= 1e-13 * mean.abs() {
         return format!("{} ± 0", shortest(mean, most));
     }
-    // Of the rounded spread: 9.96 is 10.
+    // The exponent is that of the rounded spread, since 9.96 becomes 10.
     let exponent: i32 = format!("{spread:.1e}")
         .split_once('e')
         .and_then(|(_, e)| e.parse().ok())
@@ -26,7 +26,7 @@ pub fn plus_minus(mean: f64, spread: f64, most: usize) -> String {
     }
 }
 
-/// The two ends of an interval, with three digits of its width and at most four after the point:
+/// The two ends of an interval, with three digits of its width and at most four after the point, as
 /// `−1210 to 350`.
 pub fn between(low: f64, high: f64) -> String {
     let decimals = decimals_of(high - low);

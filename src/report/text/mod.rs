@@ -22,24 +22,24 @@ use crate::{escape, spec::Key};
 pub use digits::alone;
 use digits::{between, plus_minus};
 
-/// Digits after the point that one of our numbers is shown with at most.
+/// The most digits after the point of our own numbers.
 const OUR_DECIMALS: usize = 4;
-/// Those that the paper prints.
+/// The digits after the point that the paper prints.
 const PAPER_DECIMALS: usize = 2;
 
 /// A table of texts.
 pub struct Grid {
-    /// Above the columns.
+    /// The headers of the columns.
     pub headers: Vec<String>,
-    /// Cells, one a header.
+    /// The rows, each with one cell per header.
     pub rows: Vec<Vec<String>>,
-    /// How many columns, the first ones, say what a row is.
+    /// The number of leading columns that name a row.
     pub names: usize,
     /// Whether each column holds numbers, which are aligned right.
     pub numeric: Vec<bool>,
 }
 
-/// The table as Markdown, aligned so that it reads as text too.
+/// The table as Markdown, aligned so that it is readable as plain text.
 pub fn markdown(data: &TableData) -> String {
     let mut text = format!("# {}\n\n", escape::markdown(&data.title));
     if data.columns.len() > 1 {
@@ -78,8 +78,7 @@ pub fn latex(name: &str, data: &TableData) -> [String; 2] {
     ]
 }
 
-/// What the table is on a page: rows by columns where there are several columns, and one row a
-/// cell.
+/// The table as two grids: rows by columns, where there are several columns; and one row per cell.
 pub fn grids(data: &TableData) -> (Option<Grid>, Grid) {
     (
         (data.columns.len() > 1).then(|| matrix(data)),
@@ -87,7 +86,7 @@ pub fn grids(data: &TableData) -> (Option<Grid>, Grid) {
     )
 }
 
-/// `n = 5 seeds a cell.`
+/// The number of seeds per cell, as `n = 5 seeds a cell.`
 fn seeds(data: &TableData) -> Option<String> {
     let seeds = || {
         data.rows
@@ -108,8 +107,8 @@ fn compares(data: &TableData) -> bool {
     })
 }
 
-/// The one grid for LaTeX and the terminal: the matrix where there are several columns, else the
-/// list.
+/// The single grid for LaTeX and the terminal: the matrix where there are several columns,
+/// otherwise the list.
 fn compact(data: &TableData) -> Grid {
     if data.columns.len() > 1 {
         matrix(data)
@@ -118,12 +117,12 @@ fn compact(data: &TableData) -> Grid {
     }
 }
 
-/// What the rows are told apart by, in words.
+/// The headers above the names of the rows.
 fn row_headers(data: &TableData) -> Vec<String> {
     data.row_keys.iter().map(axis::key_label).collect()
 }
 
-/// Rows by columns; below each row of ours, the paper's.
+/// The grid of rows by columns, with the paper's values below each row of ours.
 fn matrix(data: &TableData) -> Grid {
     let mut headers = row_headers(data);
     let compares = compares(data);
@@ -172,7 +171,7 @@ fn matrix(data: &TableData) -> Grid {
     }
 }
 
-/// One row a cell, with the value of `each_seed` where that is asked for.
+/// The grid of one row per cell, with each seed's value where `each_seed` asks for it.
 fn list(data: &TableData, each_seed: bool) -> Grid {
     let several = data.columns.len() > 1;
     let has = |what: fn(&Cell) -> bool| {
@@ -184,7 +183,7 @@ fn list(data: &TableData, each_seed: bool) -> Grid {
         has(|cell| cell.paper.is_some()),
         has(|cell| cell.comparison.is_some()),
     );
-    // Of as many seeds as the paper has, it is the best one.
+    // With as many seeds as the paper has, the expected best is simply the best one.
     let expects = has(|cell| cell.seeds > PaperValue::SEEDS && cell.comparison.is_some());
     let mut headers = row_headers(data);
     if several {
@@ -278,7 +277,7 @@ fn paper_value(cell: Option<&Cell>) -> String {
     })
 }
 
-/// `4 of 5 seeds`, or `5 seeds` where none is lacking.
+/// The seeds of a cell, as `4 of 5 seeds`, or `5 seeds` where none is missing.
 fn of(cell: &Cell) -> String {
     if cell.seeds < cell.planned {
         format!("{} of {}", cell.seeds, amount::count(cell.planned, "seed"))

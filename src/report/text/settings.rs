@@ -1,4 +1,4 @@
-//! A table of what was set as Markdown, LaTeX and CSV.
+//! A table of settings as Markdown, LaTeX and CSV.
 
 use super::{Grid, markdown_grid, tex};
 use crate::{escape, report::settings::SettingsData};
@@ -26,7 +26,7 @@ pub fn latex(name: &str, data: &SettingsData) -> [String; 2] {
     ]
 }
 
-/// The table as CSV, as it is shown.
+/// The table as CSV, with the same cells as the grid.
 ///
 /// # Errors
 ///
@@ -41,7 +41,7 @@ pub fn csv(data: &SettingsData) -> Result<Vec<u8>, csv::Error> {
         .map_err(|error| error.into_error().into())
 }
 
-/// The table as it is shown.
+/// The table as a grid.
 pub fn grid(data: &SettingsData) -> Grid {
     let (headers, rows) = (data.headers.clone(), data.rows.clone());
     let numeric = (0..headers.len())

@@ -1,4 +1,4 @@
-//! Summaries over environments as text: a row a method.
+//! Summaries over environments as text: one row per method.
 
 use super::{
     Grid,
@@ -12,7 +12,7 @@ use crate::{
     stats::Estimate,
 };
 
-/// What the table is called.
+/// The title of the table.
 pub const TITLE: &str = "Summary over environments";
 
 /// The table as Markdown.
@@ -34,7 +34,7 @@ pub fn latex(name: &str, data: &StatisticsData) -> [String; 2] {
     ]
 }
 
-/// The table as it is shown.
+/// The table as a grid.
 pub fn grid(data: &StatisticsData) -> Grid {
     let compares = data.methods.len() > 1;
     let above = format!("{} above", data.methods[data.base].label.text);
@@ -90,7 +90,7 @@ pub fn grid(data: &StatisticsData) -> Grid {
     }
 }
 
-/// `0.72 (0.67 to 0.77)`.
+/// An estimate with its interval, as `0.72 (0.67 to 0.77)`.
 fn within(estimate: &Estimate) -> String {
     format!(
         "{} ({} to {})",
@@ -100,7 +100,7 @@ fn within(estimate: &Estimate) -> String {
     )
 }
 
-/// Two digits after the point, with a true minus.
+/// A number with two digits after the point, and a true minus.
 fn two(value: f64) -> String {
     format!("{:.2}", if value.abs() < 5e-3 { 0.0 } else { value }).replace('-', "−")
 }

@@ -1,4 +1,4 @@
-//! Tables on a terminal, folded where they are wider than it.
+//! Tables on a terminal, folded into blocks where they are too wide for it.
 
 use comfy_table::{Cell, CellAlignment, ContentArrangement, LineStyle, Table, presets};
 
@@ -10,8 +10,8 @@ pub fn terminal(data: &TableData, width: Option<usize>) -> String {
     folded(&data.title, &compact(data), &data.notes, width)
 }
 
-/// `grid` for a terminal of `width` columns (any, where that is `None`): where it does not fit, in
-/// blocks of as many columns as do, each with the columns that say what a row is.
+/// `grid` for a terminal of `width` columns (`None`: of any width). Where it does not fit, it is
+/// split into blocks of as many columns as do, and each block repeats the columns that name a row.
 pub(super) fn folded(title: &str, grid: &Grid, notes: &[String], width: Option<usize>) -> String {
     let blocks = blocks(grid, width.unwrap_or(usize::MAX));
     let tables: Vec<String> = blocks.iter().map(|columns| table(grid, columns)).collect();
@@ -27,8 +27,8 @@ pub(super) fn folded(title: &str, grid: &Grid, notes: &[String], width: Option<u
     )
 }
 
-/// Which columns stand in each block of at most `width`; a column that is wider alone has a block
-/// of its own.
+/// The columns in each block of at most `width`. A column that alone is wider gets a block of its
+/// own.
 fn blocks(grid: &Grid, width: usize) -> Vec<Vec<usize>> {
     let names: Vec<usize> = (0..grid.names).collect();
     let mut blocks: Vec<Vec<usize>> = vec![names.clone()];
@@ -50,12 +50,12 @@ fn blocks(grid: &Grid, width: usize) -> Vec<Vec<usize>> {
     blocks
 }
 
-/// The columns of a terminal that a line takes; every character of our tables takes one.
+/// The width of a line on a terminal: every character of our tables takes one column.
 fn columns_of(line: &str) -> usize {
     line.chars().count()
 }
 
-/// These columns of the grid.
+/// The table of these columns of the grid.
 fn table(grid: &Grid, columns: &[usize]) -> String {
     let mut table = Table::new();
     let lines_around_and_below_the_head =

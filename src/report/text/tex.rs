@@ -1,6 +1,6 @@
-//! Tables for LaTeX: a bare `tabular` for a float of one's own, and a float that is whole.
+//! Tables for LaTeX: a bare `tabular` for a float of the user's own, and a complete float.
 //!
-//! Owns what TeX needs: escapes, booktabs' rules, numbers that stand at their `±`. Knows nothing of
+//! Owns what TeX needs: escapes, booktabs' rules, numbers aligned at their `±`. Knows nothing of
 //! where the numbers come from. Start at [`tabular`] and [`float`]. Both need the package booktabs;
 //! the float needs graphicx too.
 
@@ -9,14 +9,14 @@ use crate::escape;
 
 const PLUS_MINUS: &str = " ± ";
 
-/// The grid without anything around it.
+/// The grid as a bare `tabular`.
 pub fn tabular(grid: &Grid) -> String {
     format!("% needs \\usepackage{{booktabs}}\n{}", bare(grid))
 }
 
 /// A float with the grid, its caption with the label `tab:NAME`, and its notes below. A grid wider
-/// than the line that it stands in is set in smaller type, and if that is not enough scaled down,
-/// so that no line is overfull whatever the class.
+/// than the line is set in smaller type, and scaled down if that is not enough, so that no line is
+/// overfull whatever the class.
 pub fn float(name: &str, title: &str, notes: &[String], grid: &Grid) -> String {
     let (caption, bare) = (escape::latex(unnumbered(title)), bare(grid));
     let notes: String = notes
@@ -42,7 +42,7 @@ pub fn float(name: &str, title: &str, notes: &[String], grid: &Grid) -> String {
     )
 }
 
-/// `title` without a number of its own before it, such as `Table 3:`, since LaTeX counts itself.
+/// `title` without a leading number such as `Table 3:`, since LaTeX numbers tables itself.
 fn unnumbered(title: &str) -> &str {
     match title.split_once(": ") {
         Some((number, rest)) if number.starts_with("Table ") => rest,
@@ -50,7 +50,8 @@ fn unnumbered(title: &str) -> &str {
     }
 }
 
-/// Each column of numbers with a deviation becomes two, so that all stand at their `±`.
+/// The bare table. Each column of numbers with a deviation is split in two, so that the numbers are
+/// aligned at their `±`.
 fn bare(grid: &Grid) -> String {
     let column = |index: usize| grid.rows.iter().map(move |row| row[index].as_str());
     let split: Vec<bool> = (0..grid.headers.len())
@@ -90,7 +91,7 @@ fn bare(grid: &Grid) -> String {
     text
 }
 
-/// A cell; in a split column what is before its `±`, or before a remark, and the rest.
+/// One cell. In a split column, the part before its `±` or before a remark, and then the rest.
 fn cell_of(cell: &str, split: bool) -> String {
     if !split {
         return escape::latex(cell);

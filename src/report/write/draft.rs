@@ -1,4 +1,5 @@
-//! A report while it is written: each part into its files, and into the text of its `README.md`.
+//! A report while it is being written: each part goes into its files and into the text of
+//! `README.md`.
 
 use std::collections::BTreeSet;
 
@@ -20,17 +21,17 @@ use crate::{
 
 /// The name of the files of claims.
 const CLAIMS: &str = "claims";
-/// Those of the files of summaries over environments.
+/// The name of the files of summaries over environments.
 const STATISTICS: &str = "statistics";
 const PROFILE: &str = "statistics-profile";
 
-/// What is written so far.
+/// The report so far.
 pub struct Draft {
-    /// The files.
+    /// The files written so far.
     pub files: Files,
     /// The text of `README.md` behind its first lines.
     pub body: String,
-    /// Letters that the figures' font does not have.
+    /// Characters that the figures' font lacks.
     pub unknown: BTreeSet<char>,
 }
 
@@ -103,7 +104,7 @@ impl Draft {
         Ok(())
     }
 
-    /// Adds `figure` of those of `runs` that it selects; gives what the page shows of it.
+    /// Adds `figure` of those of `runs` that it selects; returns the page's version of it.
     ///
     /// # Errors
     ///
@@ -148,7 +149,7 @@ impl Draft {
         })
     }
 
-    /// Adds the summaries over environments; gives what the page shows of their figure.
+    /// Adds the summaries over environments; returns the page's version of their figure.
     ///
     /// # Errors
     ///
@@ -175,7 +176,7 @@ impl Draft {
         })
     }
 
-    /// Adds a picture for the screen; gives it as SVG.
+    /// Adds a picture for the screen; returns it as SVG.
     fn picture(
         &mut self,
         name: &str,
@@ -193,7 +194,7 @@ impl Draft {
     }
 }
 
-/// How the names of the files of `figure` end.
+/// The extensions of the files of `figure`.
 fn figure_files(figure: &Figure) -> Vec<&'static str> {
     let (numbers, print) = (figure.y.measure().is_some(), figure.width.is_some());
     let all = [

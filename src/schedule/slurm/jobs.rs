@@ -1,4 +1,4 @@
-//! Which jobs of the cluster a submission has become.
+//! The jobs of the cluster that a submission has become.
 
 use std::{
     fs::OpenOptions,
@@ -13,28 +13,28 @@ use crate::{
     record::{RecordError, io_error, opened_or, read_bounded},
 };
 
-/// The largest list of jobs that is read, bytes.
+/// The size of the largest list of jobs that is read, bytes.
 const LIMIT: u64 = 16 << 20;
 
-/// Something that was asked of the cluster, a line of `jobs.jsonl`.
+/// A request to the cluster, one line of `jobs.jsonl`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Asked {
-    /// An array.
+    /// An array of elements.
     Array {
-        /// Its number there.
+        /// The array's job number in the cluster.
         job: String,
-        /// The element of the submission that is its first.
+        /// The number, in the submission, of its first element.
         first: usize,
-        /// How many elements it has.
+        /// The number of its elements.
         count: usize,
     },
-    /// The element that writes the report.
+    /// The job that writes the report.
     Collect {
-        /// Its number there.
+        /// Its job number in the cluster.
         job: String,
     },
-    /// That these elements be cancelled.
+    /// The cancellation of these elements.
     Cancel {
         /// Their numbers in the submission.
         elements: Vec<usize>,
@@ -42,12 +42,12 @@ pub enum Asked {
 }
 
 impl Asked {
-    /// The file in the folder of a submission.
+    /// The file of requests in the folder of a submission.
     fn path(folder: &Path) -> PathBuf {
         folder.join("jobs.jsonl")
     }
 
-    /// Adds it to those of the submission in `folder`.
+    /// Appends the request to those of the submission in `folder`.
     ///
     /// # Errors
     ///
@@ -65,8 +65,8 @@ impl Asked {
             .map_err(io_error("write", &path))
     }
 
-    /// All that was asked for the submission in `folder`, in order. A line that was cut off by a
-    /// crash counts as none: its elements are sent again, and find what the first ones did.
+    /// All requests of the submission in `folder`, in order. A line cut off by a crash is ignored:
+    /// its elements are sent again, and continue what the first ones did.
     ///
     /// # Errors
     ///

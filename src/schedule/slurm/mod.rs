@@ -1,9 +1,8 @@
-//! Slurm, by its own commands: what is submitted, what it says of it, and how it is cancelled.
+//! Slurm, through its own commands: submits jobs, asks about their states, and cancels them.
 //!
-//! Nothing of ours stays running, and Slurm's word is a hint: the runs' own files say what has
-//! become of them. Everything that a file or a folder is called reaches Slurm as an argument of its
-//! own, and a script only between quotes. Start at
-//! [`sbatch`] and [`queue`].
+//! No process of ours stays running. Slurm's answers are hints: the runs' own files hold their
+//! outcome. Names of files and folders reach Slurm only as arguments of their own, and scripts only
+//! between quotes. Start at [`sbatch`] and [`queue`].
 
 pub mod jobs;
 pub mod places;
@@ -17,31 +16,31 @@ use std::{
     process::{Command, Output},
 };
 
-/// Why Slurm did not do what it was asked.
+/// Errors of Slurm's commands.
 #[derive(Debug, thiserror::Error)]
 pub enum SlurmError {
-    /// Its commands are not there.
+    /// The command cannot be started.
     #[error("cannot start {program}: {source}; is this a machine of the cluster?")]
     Missing {
         /// The command.
         program: &'static str,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
-    /// It refused.
+    /// Slurm refused.
     #[error("{program}: {said}")]
     Refused {
         /// The command.
         program: &'static str,
-        /// What it said.
+        /// Slurm's message.
         said: String,
     },
 }
 
-/// The array indices of a cluster that does not say (Slurm's default of `MaxArraySize`).
+/// The number of array indices where the cluster does not say (Slurm's default of `MaxArraySize`).
 const MAX_ARRAY_SIZE: usize = 1001;
 
-/// What `program` writes to stdout.
+/// Runs `program`; returns what it writes to stdout.
 fn call<S: AsRef<OsStr>>(program: &'static str, arguments: &[S]) -> Result<String, SlurmError> {
     let Output {
         status,
@@ -69,7 +68,7 @@ fn call<S: AsRef<OsStr>>(program: &'static str, arguments: &[S]) -> Result<Strin
     Err(SlurmError::Refused { program, said })
 }
 
-/// Submits a script, and gives the number of its job.
+/// Submits a script, and returns the number of its job.
 ///
 /// # Errors
 ///
@@ -93,7 +92,7 @@ pub fn sbatch(arguments: &[OsString]) -> Result<String, SlurmError> {
 ///
 /// Slurm is not there, or refuses.
 pub fn scancel(jobs: &[String]) -> Result<(), SlurmError> {
-    // A command line holds only so much.
+    // The jobs are split up, since the length of a command line is limited.
     jobs.chunks(1000)
         .try_for_each(|jobs| call("scancel", jobs).map(drop))
 }
@@ -107,13 +106,13 @@ pub fn requeue(element: &str) -> Result<(), SlurmError> {
     call("scontrol", &["requeue", element]).map(drop)
 }
 
-/// How many elements one array may have: the cluster's, or else Slurm's default.
+/// The most elements that one array may have: the cluster's limit, or otherwise Slurm's default.
 pub fn most_elements() -> usize {
     let config = call("scontrol", &["show", "config"]).unwrap_or_default();
     let value = config
         .lines()
         .find_map(|line| line.trim().strip_prefix("MaxArraySize")?.split_once('='));
-    // The greatest index is one less.
+    // The greatest index is one less than `MaxArraySize`.
     value
         .and_then(|(_, size)| size.trim().parse().ok())
         .filter(|&size| size > 0)

@@ -1,4 +1,4 @@
-//! Where in the cluster a run is: what was asked, joined with what Slurm says of it.
+//! The places of runs in the cluster: our requests, joined with Slurm's answers.
 
 use std::{
     collections::{BTreeMap, BTreeSet, HashMap},
@@ -26,14 +26,14 @@ pub struct Place {
     row: Option<Row>,
 }
 
-/// What the cluster makes of a run that has not ended by its own files.
+/// The cluster's view of a run that, by its own files, has not ended.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Fate {
-    /// It waits, for this reason.
+    /// Its element waits, for this reason.
     Waits(String),
     /// Its element is under way on these nodes.
     Runs(String),
-    /// Its element has ended, in this way.
+    /// Its element has ended in this way.
     Ended(String),
     /// It was cancelled by this program.
     Cancelled,
@@ -44,7 +44,7 @@ pub enum Fate {
 }
 
 impl Place {
-    /// What the cluster makes of it.
+    /// The cluster's view of the run.
     pub fn fate(&self) -> Fate {
         let Some((job, index)) = &self.job else {
             return Fate::Unsent;
@@ -58,14 +58,14 @@ impl Place {
         }
     }
 
-    /// Whether the cluster will come to it, or has.
+    /// Whether the cluster runs its element, or will run it.
     pub fn is_taken(&self) -> bool {
         matches!(self.fate(), Fate::Waits(_) | Fate::Runs(_))
     }
 }
 
-/// The places of those of `runs`, all of one `experiment`, that were submitted, by their ids; each
-/// in the last submission that holds it as it is planned now.
+/// The places of those of `runs`, all of one `experiment`, that were submitted, by their ids. Each
+/// place is in the last submission that holds the run as it is planned now.
 ///
 /// # Errors
 ///
@@ -80,6 +80,7 @@ pub fn places(
         .map(|run| (run.spec.id.as_str(), run.stamp.fingerprint.as_str()))
         .collect();
     let mut places = HashMap::new();
+    // Earlier submissions come first, so that later ones replace their places.
     for folder in submission::folders(results, experiment)? {
         let asked = Asked::read(&folder)?;
         let cancelled: BTreeSet<usize> = asked.iter().flat_map(Asked::cancelled).copied().collect();
@@ -104,6 +105,7 @@ pub fn places(
             }
         }
     }
+    // All jobs are asked for at once, since each question starts a command of Slurm's.
     let jobs: BTreeSet<String> = places
         .values()
         .filter_map(|place| Some(place.job.as_ref()?.0.clone()))
@@ -117,7 +119,7 @@ pub fn places(
     Ok(places)
 }
 
-/// Why it is not known where runs are.
+/// Errors of finding the places of runs.
 #[derive(Debug, thiserror::Error)]
 pub enum PlacesError {
     /// A submission cannot be read.
@@ -129,7 +131,7 @@ pub enum PlacesError {
 }
 
 impl Asked {
-    /// The job and the index under which the cluster knows `element`, where this asks for it.
+    /// The job and the index under which the cluster knows `element`, if this request is for it.
     fn holds(&self, element: usize) -> Option<(String, usize)> {
         match self {
             Self::Array { job, first, count } if (*first..first + count).contains(&element) => {
@@ -147,8 +149,8 @@ impl Asked {
     }
 }
 
-/// The names by which `scancel` knows the elements of `places`, by the submission that they belong
-/// to, with their numbers there.
+/// The elements of `places` by submission: the names by which `scancel` knows them, and their
+/// numbers in the submission.
 pub fn elements<'a>(
     places: impl Iterator<Item = &'a Place>,
 ) -> BTreeMap<PathBuf, (BTreeSet<String>, BTreeSet<usize>)> {

@@ -1,5 +1,5 @@
-//! The program that a submission runs: a copy of this one, which nobody builds anew while elements
-//! wait.
+//! The program that a submission runs: a copy of this one, so that a new build does not change it
+//! while elements wait.
 
 use std::{
     env, fs, io,
@@ -8,8 +8,8 @@ use std::{
 
 use crate::record::{Executable, RecordError, io_error};
 
-/// This program's copy under `results`, where all nodes see it, made if need be. Submissions of one
-/// program share it.
+/// The copy of this program under `results`, where all nodes see it; made if it does not exist.
+/// Submissions of one program share it.
 ///
 /// # Errors
 ///
@@ -22,7 +22,8 @@ pub fn frozen(results: &Path) -> Result<PathBuf, RecordError> {
     if path.exists() {
         return Ok(path);
     }
-    // With its permissions, beside its place and renamed: whoever finds it finds all of it.
+    // Copied with its permissions to a temporary name and then renamed, so that nobody finds a
+    // partial copy.
     let copied = || -> io::Result<()> {
         let beside = tempfile::Builder::new()
             .prefix(".writing-")

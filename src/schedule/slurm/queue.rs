@@ -1,23 +1,23 @@
-//! What Slurm says of jobs, in its own words and in ours.
+//! Slurm's answers about jobs, in its own words and in ours.
 
 use std::collections::HashMap;
 
 use super::{SlurmError, call};
 
-/// What Slurm says of an element.
+/// Slurm's row on an element.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Row {
-    /// Its state, as `RUNNING`.
+    /// Its state, such as `RUNNING`.
     pub state: String,
-    /// The wait status that it ended with; 0 before, and where it does not say.
+    /// The wait status that it ended with; 0 before its end, and where Slurm does not say.
     pub status: u32,
     /// The nodes; empty where it waits.
     pub nodes: String,
-    /// Why it waits, or why it ended so.
+    /// Why it waits, or why it ended as it did.
     pub reason: String,
 }
 
-/// Where an element is.
+/// The stage of an element.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stage {
     /// It has not begun, or begins again.
@@ -29,7 +29,7 @@ pub enum Stage {
 }
 
 impl Row {
-    /// Where it is.
+    /// The stage that the element's state belongs to.
     pub fn stage(&self) -> Stage {
         match self.state.as_str() {
             "PENDING" | "REQUEUED" | "REQUEUE_HOLD" | "REQUEUE_FED" | "SPECIAL_EXIT"
@@ -74,8 +74,8 @@ impl Row {
     }
 }
 
-/// What Slurm still knows of `jobs`, by job and index in its array. Ended ones are forgotten by its
-/// controller after some minutes; its accounting, where there is one, knows them longer.
+/// The rows that Slurm still has on `jobs`, by job and index in the array. Slurm's controller
+/// forgets ended jobs after some minutes; its accounting, where there is one, keeps them longer.
 ///
 /// # Errors
 ///
@@ -84,14 +84,14 @@ pub fn rows(jobs: &[String]) -> Result<HashMap<(String, usize), Row>, SlurmError
     let mut rows = HashMap::new();
     for jobs in jobs.chunks(500) {
         let list = jobs.join(",");
-        // The reason last: nobody knows what may be in it.
+        // The reason comes last, since it may contain any text.
         let format = "ArrayJobID:|,ArrayTaskID:|,State:|,exit_code:|,NodeList:|,Reason:|";
         match call(
             "squeue",
             &["-h", "-r", "-t", "all", "-j", list.as_str(), "-O", format],
         ) {
             Ok(text) => rows.extend(text.lines().filter_map(queued)),
-            // So it says when it has forgotten all of them.
+            // Slurm says this when it has forgotten all of the jobs.
             Err(SlurmError::Refused { said, .. }) if said.contains("Invalid job id") => {}
             Err(error) => return Err(error),
         }
@@ -107,7 +107,7 @@ pub fn rows(jobs: &[String]) -> Result<HashMap<(String, usize), Row>, SlurmError
                 "JobID,State,ExitCode,NodeList,Reason",
             ],
         );
-        // Many a cluster has none.
+        // Many clusters have no accounting.
         for (element, row) in accounted
             .unwrap_or_default()
             .lines()

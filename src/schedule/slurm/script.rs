@@ -1,4 +1,4 @@
-//! What is handed to `sbatch`: its arguments, and two short scripts.
+//! The input of `sbatch`: its arguments, and two short scripts.
 
 use std::{
     ffi::{OsStr, OsString},
@@ -7,30 +7,30 @@ use std::{
 
 use super::super::submission::Submission;
 
-/// What an element asks the cluster for.
+/// An element's request to the cluster.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Request {
     /// Options of `sbatch` with their values, such as `--partition=long`.
     pub options: Vec<String>,
     /// The most elements that run at a time.
     pub throttle: Option<usize>,
-    /// Seconds before the time limit at which the elements are to leave.
+    /// Seconds before the time limit at which the elements are to stop.
     pub grace: u64,
 }
 
-/// Some of a submission's elements, which are one array of the cluster's.
+/// The elements of a submission that form one array in the cluster.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Chunk {
     /// The first element.
     pub first: usize,
-    /// How many.
+    /// The number of elements.
     pub count: usize,
     /// The most of them that run at a time.
     pub throttle: Option<usize>,
 }
 
-/// `elements` in arrays of at most `most`. What may run at a time is shared among the arrays;
-/// `None` where there are more arrays than that.
+/// Divides `elements` into arrays of at most `most`. The arrays share the `throttle`; `None` where
+/// there are more arrays than it allows elements.
 pub fn chunks(elements: usize, most: usize, throttle: Option<usize>) -> Option<Vec<Chunk>> {
     let arrays = elements.div_ceil(most.max(1));
     if throttle.is_some_and(|throttle| throttle < arrays) {
@@ -38,7 +38,7 @@ pub fn chunks(elements: usize, most: usize, throttle: Option<usize>) -> Option<V
     }
     let chunk = |array: usize| {
         let first = array * most;
-        // The first ones, with the longest runs, get what does not divide.
+        // The first arrays, with the longest runs, get the remainder.
         let share = |throttle: usize| throttle / arrays + usize::from(array < throttle % arrays);
         Chunk {
             first,
@@ -49,7 +49,7 @@ pub fn chunks(elements: usize, most: usize, throttle: Option<usize>) -> Option<V
     Some((0..arrays).map(chunk).collect())
 }
 
-/// The script of an element; its first argument is the number of its array's first one.
+/// The script of an element; its first argument is the number of the first element in its array.
 pub fn array(program: &Path, folder: &Path) -> Vec<u8> {
     let mut script = b"#!/bin/sh\n\
         # An element of mcpo-run: goes on with its runs from where they are, and leaves in time for its limit.\n\
@@ -98,7 +98,7 @@ pub fn sbatch_array(
     arguments
 }
 
-/// The arguments of `sbatch` for the report when `jobs` have ended, however they end.
+/// The arguments of `sbatch` for the report, to be written when `jobs` have ended in any way.
 pub fn sbatch_collect(
     request: &Request,
     jobs: &[String],
@@ -129,7 +129,7 @@ fn common(experiment: &str, folder: &Path, log: &str) -> Vec<OsString> {
     ]
 }
 
-/// A path in which `sbatch` replaces nothing.
+/// A path escaped so that `sbatch` replaces nothing in it.
 fn literal(path: &Path) -> OsString {
     use std::os::unix::ffi::{OsStrExt, OsStringExt};
     let bytes = path.as_os_str().as_bytes();
@@ -154,7 +154,7 @@ fn joined(parts: &[&OsStr]) -> OsString {
     })
 }
 
-/// `text` as one word of a shell, whatever is in it.
+/// `text` quoted as one word of a shell, whatever it contains.
 pub fn quoted(text: &OsStr) -> Vec<u8> {
     use std::os::unix::ffi::OsStrExt;
     let mut word = b"'".to_vec();
