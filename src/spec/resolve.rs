@@ -1,4 +1,4 @@
-//! From what a file says to what one run has: defaults, the general tables, the environment's, the
+//! From a file's settings to those of one run: defaults, the general tables, the environment's, the
 //! axes.
 
 use super::{Algorithm, ExperimentSpec, Parameter, Settings, catalog::Catalog};
@@ -23,7 +23,7 @@ pub enum ResolveError {
         env: EnvId,
         /// The algorithm.
         algorithm: String,
-        /// What the reader said.
+        /// The TOML reader's error.
         source: toml::de::Error,
     },
 }
@@ -98,7 +98,7 @@ impl ExperimentSpec {
     }
 }
 
-/// `given` over the defaults of `algorithm` in `env`; `None` without a budget.
+/// The defaults of `algorithm` in `env`, overridden by `given`; `None` without a budget.
 fn settings(
     env: EnvId,
     algorithm: &str,
