@@ -17,7 +17,7 @@ use crate::{demo::Demonstration, env::EnvId};
 
 /// Where the demonstrator's filter clipped.
 const CLIP: f64 = 5.0;
-/// What `bytes`, a pickle, hold.
+/// Reads the demonstration from `bytes`, a pickle.
 pub(super) fn read(bytes: &[u8], env: EnvId) -> Result<Imported, String> {
     let pickle = Pickle::read(bytes)?;
     let root = pickle.root();
@@ -44,8 +44,8 @@ pub(super) fn read(bytes: &[u8], env: EnvId) -> Result<Imported, String> {
                     "step {i} of episode {e} in the pickle is not a dictionary"
                 ));
             };
-            // One step may stand in a list many times: what it unfolds to is not bounded by the
-            // file's length.
+            // A list may hold one step many times, so the file's length does not bound its unfolded
+            // size.
             looked_at += entries.len() + state_dim.unwrap_or(0) + action_dim.unwrap_or(0);
             if looked_at > MAX_NUMBERS {
                 return Err(format!(
