@@ -104,9 +104,9 @@ impl Hyperparameters {
 }
 
 /// Trains `agent`'s policy on `demonstration`, in units of the demonstration's own mean and
-/// deviation, which its normaliser then keeps. The value network is left as it is: a demonstration
-/// holds no sparse returns. Calls `epoch` with the loss (over the whole demonstration) after each
-/// epoch.
+/// deviation, which its normaliser then keeps.
+/// The value network is left as it is: a demonstration holds no sparse returns.
+/// Calls `epoch` with the loss over the whole demonstration after each epoch.
 ///
 /// # Errors
 ///

@@ -101,8 +101,8 @@ impl Critic {
     }
 
     /// Fits `value` to `returns` (`[n]`) at `observations` (`[observation_dim x n]`) by minibatches
-    /// of the mean squared error, with the L2 penalty. Gives the mean squared error over the last
-    /// epoch, each minibatch before its step.
+    /// of the mean squared error, with the L2 penalty.
+    /// Returns the mean squared error over the last epoch, each minibatch before its step.
     ///
     /// # Errors
     ///

@@ -138,7 +138,7 @@ pub struct Mcpo {
 struct State {
     agent: Agent,
     critic: Critic,
-    /// d_k.
+    /// The tolerance d_k.
     tolerance: f64,
 }
 

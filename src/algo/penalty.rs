@@ -120,7 +120,7 @@ pub struct Penalty {
 struct State {
     agent: Agent,
     critic: Critic,
-    /// w_k.
+    /// The weight w_k.
     weight: f64,
 }
 

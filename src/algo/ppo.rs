@@ -182,8 +182,8 @@ impl Ppo {
     }
 }
 
-/// One step of Adam up the clipped surrogate of the samples `chosen`; gives how many of their
-/// ratios were clipped.
+/// Takes one step of Adam up the clipped surrogate of the samples `chosen`; returns how many of
+/// their ratios were clipped.
 #[expect(
     clippy::too_many_arguments,
     reason = "the parts of a borrowed Ppo, and one minibatch"

@@ -146,7 +146,8 @@ impl EnvId {
     /// The paper prints no thresholds, so this project chose them.
     /// A metre, as in public environments around POfD; ten in HalfCheetah, which covers a metre by
     /// chance, and where methods then rank as in the paper.
-    /// Heights that nearly all of the demonstration is above, and that end before the pole falls.
+    /// For poles, a height that the demonstration nearly always exceeds, and that a pole sinks below
+    /// before its episode ends.
     pub fn default_reward(self) -> Reward {
         (self.descriptor().default_reward)()
     }
@@ -261,7 +262,7 @@ fn is_file_name(name: &str) -> bool {
 }
 
 impl Ord for EnvId {
-    /// What ships comes first, in its order; then the user's robots by name, whenever they were
+    /// Orders what ships first, in its order; then the user's robots by name, whenever they were
     /// read.
     fn cmp(&self, other: &Self) -> Ordering {
         let key = |id: Self| {

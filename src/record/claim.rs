@@ -150,7 +150,7 @@ impl Claim {
     }
 
     /// Whether another machine took this process for dead because it stood still for too long.
-    /// What the claim stood for is then no longer this process's.
+    /// The claim's run is then no longer this process's.
     pub fn is_lost(&self) -> bool {
         self.lost.load(Ordering::SeqCst) || self.next.exists()
     }

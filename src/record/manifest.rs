@@ -26,7 +26,7 @@ pub struct Manifest {
     /// The digests of the tables of a finished run; absent before, and in files of older programs.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub tables: Option<TableDigests>,
-    /// What became of the run.
+    /// The outcome of the run.
     pub outcome: Outcome,
 }
 
@@ -88,7 +88,7 @@ pub struct Attempt {
     pub error: Option<String>,
 }
 
-/// What became of a run.
+/// The outcome of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {

@@ -1,7 +1,7 @@
-//! What runs leave on the disk, and how it is read back.
+//! The files that runs leave on the disk, and how they are read back.
 //!
 //! Owns the layout of the results, the Parquet rows, policies, manifests, checkpoints and claims,
-//! and the rule that whatever is final is written beside its place, synced and renamed into it.
+//! and the rule that every final file is written beside its place, synced and renamed into it.
 //! Knows nothing of queues, processes or figures: it is told what happened. Start at [`RunPaths`],
 //! then [`rows`] and [`Manifest`].
 

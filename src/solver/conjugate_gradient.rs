@@ -3,10 +3,10 @@
 
 use super::{LinearOperator, dot};
 
-/// When to stop.
+/// When to stop the search.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
-    /// At most so many products.
+    /// The most products.
     pub iterations: usize,
     /// Stop once the residual's norm is at or below this fraction of the right-hand side's.
     pub relative_residual: f64,
@@ -20,9 +20,9 @@ pub enum Stop {
     Converged,
     /// [`Limits::iterations`] products are spent.
     IterationLimit,
-    /// A direction `p` of the search had `p.Ap` at or below 0 or not finite: the operator is not
-    /// positive definite, or the right-hand side is not finite, or nothing but rounding is left of
-    /// the residual.
+    /// A direction `p` of the search had `p.Ap` at or below 0 or not finite. The operator is not
+    /// positive definite, or the right-hand side is not finite, or only rounding is left of the
+    /// residual.
     Breakdown {
         /// `p.Ap`.
         curvature: f64,
@@ -32,9 +32,9 @@ pub enum Stop {
 /// The result of [`solve`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Solution {
-    /// The approximate solution `[dim]`. Since conjugate gradient leaves a residual orthogonal to
-    /// it, `x.Ax` is `x.rhs` (up to f32 rounding) however early it stopped: that quadratic form
-    /// costs a dot product, not an operator product.
+    /// The approximate solution `[dim]`. Conjugate gradient leaves a residual orthogonal to it, so
+    /// `x.Ax` is `x.rhs` (up to f32 rounding) however early it stopped: that quadratic form costs a
+    /// dot product, not an operator product.
     pub x: Vec<f32>,
     /// Products taken.
     pub iterations: usize,

@@ -34,7 +34,7 @@ const NAMES: usize = 10;
 pub struct Imported {
     /// The demonstration that was read.
     pub demonstration: Demonstration,
-    /// What the file lacked or could not be recovered, each in a sentence.
+    /// Quantities that the file lacked or that could not be recovered, each in a sentence.
     pub losses: Vec<String>,
     /// Reasons why it may be another demonstration than was meant, each in a sentence.
     pub warnings: Vec<String>,

@@ -39,8 +39,7 @@ pub(super) enum Controls {
 pub(super) enum Paid {
     /// An amount to add.
     More(f64),
-    /// An amount to subtract. Adding a negative number would give the same bits, but a first term
-    /// of -0 would differ from 0.
+    /// An amount to subtract.
     Less(f64),
 }
 
