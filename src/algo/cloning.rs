@@ -118,6 +118,7 @@ pub fn clone_behaviour(
     rng: &mut Rng,
     mut epoch: impl FnMut(u64, f64, &Agent),
 ) -> Result<(), AlgoError> {
+    // The clone is a function of states in these units, so they must not move afterwards.
     agent.normalizer = Normalizer::held(&demonstration.observations, agent.normalizer.clip());
     let observations = agent
         .normalizer

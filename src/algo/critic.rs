@@ -139,6 +139,8 @@ impl Critic {
                     *cotangent = (2.0 * error / chosen.len() as f64) as f32;
                 }
                 value.vjp(minibatch, pass, cotangent, gradient);
+                // Decay acts on the parameters and not on the gradient, for the reason at
+                // `Fit::l2_penalty`.
                 let keep = (1.0 - 2.0 * fit.learning_rate * fit.l2_penalty) as f32;
                 value
                     .parameters_mut()

@@ -185,6 +185,8 @@ impl Mimicry {
                 let mmd = self
                     .target
                     .mmd_squared_witness(&stack(&states, &batch.actions), &mut cost);
+                // Without this a far policy, whose every step costs, would be told to end its
+                // episodes.
                 let mean = cost.iter().sum::<f64>() / cost.len() as f64;
                 cost.iter_mut().for_each(|f| *f = 2.0 * (*f - mean));
                 let (discount, lambda) = (critic.discount.get(), critic.gae_lambda.get());

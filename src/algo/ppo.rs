@@ -322,6 +322,7 @@ impl OnPolicy for Ppo {
         let mut steps = 0;
         for _ in 0..hyperparameters.epochs.get() {
             order.shuffle(rng);
+            // Only the last epoch's share is recorded.
             clipped = 0;
             for chosen in order.chunks(hyperparameters.minibatch.size()) {
                 clipped += step(
@@ -337,6 +338,7 @@ impl OnPolicy for Ppo {
                 steps += 1;
             }
         }
+        // One number stands for all of them: it is not finite if any parameter is not.
         finite(
             "the policy's parameters",
             dot(&buffers.gradient, &agent.policy.parameters()),

@@ -165,6 +165,7 @@ impl TrustRegion {
             }),
             Search::Rejected { reasons } => {
                 tracing::debug!(?reasons, "the line search rejected every trial");
+                // The trials have overwritten the policy.
                 policy.set_parameters(start.as_slice());
                 None
             }

@@ -98,6 +98,7 @@ impl Dots<'_> {
                 array::from_fn(|j| load(simd, &right[j].0[l])),
             );
         }
+        // The rest is filled up with zeros, which add nothing.
         if !left[0].1.is_empty() {
             let filled = |rest: &[f32]| {
                 let mut block = [0.0; SUMS];

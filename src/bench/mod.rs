@@ -142,6 +142,7 @@ pub fn measure(spec: &RunSpec, iterations: u64) -> Result<Measured, BenchError> 
     };
     let shapes = shapes(spec, algorithm.as_ref())?;
     let mut rollout = Rollout::new(build::tasks(spec, shapes.environments)?, spec.seed);
+    // The floor has environments of its own, so that its replay does not disturb the rollout.
     let mut bare = Rollout::new(build::tasks(spec, shapes.environments)?, spec.seed);
     let mut updates = spec.seed.stream(Stream::Update, 0);
     let (mut spent, mut physics, mut rate) =
@@ -197,6 +198,7 @@ pub fn measure(spec: &RunSpec, iterations: u64) -> Result<Measured, BenchError> 
 
     let checkpoint = checkpoint_seconds(algorithm.as_ref(), &rollout)?;
     let every = spec.checkpoint.every_seconds.get();
+    // One checkpoint is written in each interval, so this is its share of the time.
     let recording = Seconds {
         wall: checkpoint.wall * spent.wall / every,
         cpu: checkpoint.cpu * spent.cpu / every,

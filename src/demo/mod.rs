@@ -154,6 +154,7 @@ impl Demonstration {
                 )));
             }
         }
+        // HalfCheetah and Walker2d have the same lengths, so only motion tells them apart.
         match motion::mover(self, env).map_err(failed)? {
             Mover::Other(other) => Err(misfit(format!(
                 "its observations move like those of {other}"

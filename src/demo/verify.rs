@@ -140,6 +140,7 @@ pub fn verify(demonstration: &Demonstration, path: &Path, env: EnvId) -> Result<
                 step: step - start,
                 number,
             };
+            // Gymnasium rounds the state at each step; over an episode its roundings would add up.
             if env.is_f32_in_gymnasium() {
                 task.set_pose(&poses[step], &mut observation)
                     .map_err(failed)?;
@@ -170,6 +171,7 @@ pub fn verify(demonstration: &Demonstration, path: &Path, env: EnvId) -> Result<
                 Some(EpisodeEnd::Truncated) => {
                     demonstration.truncated[step] && !demonstration.terminated[step]
                 }
+                // A limit shorter than the environment's own is the recorder's choice.
                 None => !demonstration.terminated[step],
             };
             if !agrees {

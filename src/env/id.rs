@@ -146,8 +146,8 @@ impl EnvId {
     /// The paper prints no thresholds, so this project chose them.
     /// A metre, as in public environments around POfD; ten in HalfCheetah, which covers a metre by
     /// chance, and where methods then rank as in the paper.
-    /// For poles, a height that the demonstration nearly always exceeds, and that a pole sinks below
-    /// before its episode ends.
+    /// For poles, a height that the demonstration nearly always exceeds, and that a pole sinks
+    /// below before its episode ends.
     pub fn default_reward(self) -> Reward {
         (self.descriptor().default_reward)()
     }

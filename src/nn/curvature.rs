@@ -117,6 +117,7 @@ impl Mlp {
                 }
             } else {
                 let output = &mut output[..width * n];
+                // Transposed, since a product whose result has few rows is slow.
                 weights.transpose_to(&mut matrix_mut(output_weights, fan_in));
                 product_of_columns(
                     matrix(output_weights, fan_in),
@@ -148,6 +149,7 @@ impl Mlp {
         let [_, hidden @ .., outputs] = self.widths() else {
             return;
         };
+        // A single hidden layer has none below it, so there is nothing to keep.
         let Some((last, lower @ [_, ..])) = hidden.split_last() else {
             return;
         };

@@ -213,6 +213,7 @@ impl Mlp {
                     columns(cotangent.as_slice(), cotangent.nrows(), &kept.chunk),
                     cotangent.nrows(),
                 );
+                // Down to the first hidden layer: nobody needs the derivative by the inputs.
                 for layer in (1..transposed.len()).rev() {
                     let (here, above) = hidden.split_at_mut(layer);
                     let derivative = above.first().map_or(cotangent, |above| {

@@ -42,7 +42,7 @@ pub(super) struct Scratch {
     pub(super) hidden: Vec<Vec<f32>>,
     /// A derivative of the outputs `[out x CHUNK]`.
     pub(super) output: Vec<f32>,
-    /// A layer's change of the output weights, transposed `[in x out]`.
+    /// Weights of the output layer, transposed `[in x out]`: of a direction or of a gradient.
     pub(super) output_weights: Vec<f32>,
     /// Derivatives of the outputs by the last hidden layer's sums, for a few samples.
     pub(super) sensitivity: Vec<f32>,

@@ -90,6 +90,7 @@ pub(super) fn read_chunk(
         let page = Page::read(&mut reader)?;
         let stored = reader.take(size(page.compressed_size)?)?;
         let n = size(page.values)?;
+        // Before anything is decompressed, since these sizes are only claims.
         if n > budget.numbers || size(page.size)? > budget.bytes.min(MAX_PAGE) {
             return Err("more than is read".into());
         }
@@ -117,6 +118,7 @@ pub(super) fn read_chunk(
                 entries.extend_plain(&bytes, n, budget)?;
                 dictionary = Some(entries);
             }
+            // An index page holds no values.
             _ => {}
         }
     }
@@ -137,6 +139,7 @@ fn data_page(
     let (definition_width, repetition_width) =
         (width(leaf.max_definition), width(leaf.max_repetition));
     let decompressed;
+    // Version 2 keeps the levels outside the compression, version 1 inside it.
     let (repetitions, definitions, rest) = if page.kind == 3 {
         let mut levels = Reader { rest: stored };
         let repetitions = levels.take(size(page.repetition_bytes)?)?;

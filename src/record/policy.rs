@@ -321,6 +321,7 @@ fn read_network(tensors: &SafeTensors<'_>, name: &str) -> Result<(Vec<usize>, Ve
             widths.push(inputs);
         }
         widths.push(outputs);
+        // Files hold weights row by row, networks column by column.
         parameters
             .extend((0..inputs).flat_map(|column| by_rows.iter().skip(column).step_by(inputs)));
         parameters.extend(biases);

@@ -52,6 +52,7 @@ pub fn solve(operator: &mut dyn LinearOperator, rhs: &[f32], limits: Limits) -> 
     debug_assert_eq!(rhs.len(), operator.dim());
     let mut x = vec![0.0f32; rhs.len()];
     let initial = dot(rhs, rhs);
+    // The residual relative to zero would be NaN.
     if initial == 0.0 {
         return Solution {
             x,
@@ -76,6 +77,7 @@ pub fn solve(operator: &mut dyn LinearOperator, rhs: &[f32], limits: Limits) -> 
         operator.apply(&direction, &mut product);
         iterations += 1;
         let curvature = dot(&direction, &product);
+        // Written so that NaN is a breakdown too.
         if !(curvature > 0.0 && curvature.is_finite()) {
             break Stop::Breakdown { curvature };
         }

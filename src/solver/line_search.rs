@@ -117,8 +117,10 @@ pub fn backtrack_corrected<A, R>(
                 Err(Refused::Excess(excess)) => {
                     assert!(correctable, "an excess is told of correctable trials alone");
                     if let Some(ask) = unasked.take() {
+                        // Without a positive slope the way does not lead back.
                         way_back = ask().filter(|way: &WayBack| way.slope > 0.0);
                     }
+                    // Without a way back, the same trial is judged again as not correctable.
                     if let Some(WayBack { direction, slope }) = &way_back {
                         trial.advance(direction, -excess / slope);
                         corrected += 1;

@@ -255,6 +255,7 @@ fn blocks(
             .into_iter()
             .filter_map(|(key, values)| Some((start(&key), key, values.as_array()?.clone())))
             .collect();
+        // Axes count in the file's order, which a merged table need not keep.
         lists.sort_by_key(|(start, ..)| *start);
         let mut block = Block::default();
         for (_, key, mut values) in lists {

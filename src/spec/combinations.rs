@@ -57,6 +57,7 @@ impl Draft<'_> {
         let runs = self.spec.named_runs();
         if runs > MOST_RUNS {
             let message = format!("the matrix has {runs} runs; at most {MOST_RUNS} are allowed");
+            // So many combinations would take too long to check.
             findings.errors.push(self.at_matrix(message));
             return findings;
         }
@@ -220,6 +221,7 @@ impl Draft<'_> {
             ]),
         };
         let written = |parameter: &Parameter| {
+            // An axis wins over every layer, so it is looked for first.
             let mut axes = block.axes.iter().map(|axis| &axis.parameter);
             let axis = axes
                 .find(|axis| axis.is(parameter, algorithm))

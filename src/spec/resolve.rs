@@ -69,6 +69,7 @@ impl ExperimentSpec {
         {
             section.merge(&mut hyperparameters, own);
         }
+        // Axes come last, so that they win.
         for (parameter, value) in axes {
             match parameter {
                 Parameter::Setting(key) => catalog.settings.merge(&mut given, &nested(key, value)),

@@ -94,6 +94,7 @@ impl Layer {
         let (tree, mut errors) = DeTable::parse_recoverable(&self.text);
         let mut told: Vec<SpecError> = Vec::new();
         let mut open = false;
+        // In the file's order, since later errors may follow from earlier ones.
         errors.sort_by_key(|error| error.span().map_or(0, |span| span.start));
         for error in errors {
             let span = error.span().unwrap_or(0..0);
@@ -268,6 +269,7 @@ pub(super) fn files(path: &Path, text: Option<&str>) -> (Vec<Layer>, Vec<SpecErr
     };
     let mut errors = Vec::new();
     while let Some(layer) = next.take() {
+        // Canonical paths, so that a cycle is noticed under another name too.
         seen.extend(
             layer
                 .path
@@ -299,6 +301,7 @@ pub(super) fn files(path: &Path, text: Option<&str>) -> (Vec<Layer>, Vec<SpecErr
         }
         chain.push(layer);
     }
+    // The file read last is the weakest.
     chain.reverse();
     (chain, errors)
 }

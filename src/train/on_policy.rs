@@ -121,6 +121,7 @@ impl<'a> Training<'a> {
         let update_seconds = began.elapsed().as_secs_f64();
 
         let after = self.progress.env_steps;
+        // A rollout may pass several multiples of the interval; that counts once.
         let due = |every: u64| before / every < after / every;
         self.progress.evaluation_due = due(spec.evaluation.every.get());
         if spec

@@ -211,6 +211,7 @@ pub(super) fn assemble<'n>(
     if rewards.is_none() {
         losses.push("rewards are not recorded".into());
     }
+    // In RLDS an episode's last row is no step: it holds the observation after the last one.
     if episodes.last_rows_are_marked
         && last_rows_are_no_steps(&episodes, &actions, rewards.as_deref())
     {

@@ -90,6 +90,7 @@ impl Episodes {
         if let Some((name, last)) = &last {
             accounts.add(name, after_each(n, |row| last[row] != 0.0))?;
         }
+        // Accounts that differ were refused, so the first one stands for all.
         let told = accounts.found.first().map(|(_, starts)| starts.clone());
 
         let mut terminated = flags(arrays.first(TERMINATED)?);
@@ -130,6 +131,7 @@ impl Episodes {
         if let Some((_, done)) = &done {
             episodes.finish(done, limit, terminated.is_some());
         }
+        // Another number of returns shows that episodes were joined or split.
         if let Some((name, returns)) = arrays.first(RETURNS)?
             && returns.rows() != episodes.starts.len()
         {

@@ -83,6 +83,7 @@ pub fn import(path: &Path, env: EnvId) -> Result<Imported, DemoError> {
         path: path.to_owned(),
         source,
     };
+    // Scaled observations have the right lengths; only their motion gives them away.
     if motion::mover(demonstration, env).map_err(failed)? == Mover::Unknown {
         warnings.push(format!(
             "its observations do not move like those of {env}: they may be scaled, or from another robot"

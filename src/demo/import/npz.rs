@@ -154,6 +154,7 @@ fn array(bytes: &[u8]) -> Result<Array, String> {
     let shape: Vec<usize> = shape
         .map(|n| n.parse().map_err(|_| "has no shape"))
         .collect::<Result<_, _>>()?;
+    // A vector is the same in both orders.
     if fortran && shape.len() > 1 {
         return Err("is in Fortran order; only C order is read".into());
     }

@@ -113,6 +113,7 @@ pub(super) fn read(bytes: &[u8], env: EnvId) -> Result<Imported, String> {
         poses: None,
         provenance: provenance.collect(),
     };
+    // The pickle does not say why an episode ended.
     infer_ends(&mut demonstration, env, &mut losses);
     losses.push("rewards and poses are not recorded".into());
     Ok(Imported {
@@ -153,6 +154,7 @@ fn unfilter(
         .filter(|&count| count > 1.0)
         .ok_or("the pickle's filter has no count `zfilter n_step` above 1")?;
     let deviation = squared_errors.map(|sum| (sum / (count - 1.0)).sqrt());
+    // Counted while the states are still in the filter's units.
     let clipped = states.iter().filter(|state| state.abs() >= CLIP).count();
     for mut state in states.column_iter_mut() {
         state.component_mul_assign(&deviation);

@@ -102,6 +102,7 @@ impl Checker<'_> {
                             .as_table()
                             .and_then(|table| table.keys().next())
                         {
+                            // TOML reads `mcpo.d` without quotation marks as a table `mcpo`.
                             Some(inner) => Some(format!(
                                 "write `\"{key}.{}\" = [...]`, with quotation marks",
                                 inner.get_ref()
