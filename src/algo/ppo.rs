@@ -338,7 +338,7 @@ impl OnPolicy for Ppo {
                 steps += 1;
             }
         }
-        // One number stands for all of them: it is not finite if any parameter is not.
+        // The product is not finite if any parameter is not.
         finite(
             "the policy's parameters",
             dot(&buffers.gradient, &agent.policy.parameters()),

@@ -15,8 +15,8 @@ use super::{
 };
 
 /// An environment: one that ships, or a user's robot.
-/// It is serialised as its name; a user's robot with its table and its model, so that its holder
-/// can be read elsewhere.
+/// It is serialised as its name; a user's robot with its table and its model, so that whatever
+/// holds it can be read elsewhere.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub struct EnvId(usize);
 

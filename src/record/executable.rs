@@ -9,7 +9,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 pub enum Executable {
     /// This program's.
     This,
-    /// As it was recorded.
+    /// The digest in a record.
     Recorded(String),
 }
 

@@ -33,9 +33,9 @@ pub struct Manifest {
 /// BLAKE3 of a run's tables, by which damage is seen before anybody reads them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TableDigests {
-    /// Of `progress.parquet`.
+    /// The digest of `progress.parquet`.
     pub progress: String,
-    /// Of `evaluations.parquet`.
+    /// The digest of `evaluations.parquet`.
     pub evaluations: String,
 }
 

@@ -15,8 +15,8 @@ use super::provenance::host;
 pub struct Owner {
     /// The cluster's node, or else the machine's name.
     pub host: String,
-    /// A name of this machine since its start, and of this container, that no other has; empty
-    /// where the system tells none.
+    /// A text that identifies the machine since its start, and the container; empty where the
+    /// system does not tell.
     machine: String,
     /// The process's number there.
     pub process: u32,
@@ -90,8 +90,8 @@ impl Owner {
     }
 }
 
-/// A name of this machine since its start, and of this container, that no other has; empty where
-/// the system tells none.
+/// A text that identifies this machine since its start, and this container; empty where the system
+/// does not tell.
 fn machine() -> String {
     let boot = fs::read_to_string("/proc/sys/kernel/random/boot_id");
     let processes = fs::read_link("/proc/self/ns/pid");

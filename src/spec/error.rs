@@ -9,7 +9,7 @@ use miette::{
 /// Where a mistake was written.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Place {
-    /// In a file.
+    /// A place in a file.
     File {
         /// The file, as it was named.
         path: PathBuf,

@@ -124,9 +124,8 @@ impl PublishedBest {
     }
 }
 
-/// The mean of `f` over W, where (n - 1) W^2 is chi-squared with n - 1 degrees of freedom: the
-/// trapezoid rule over ln W, whose density is proportional to exp(v u - v exp(2 u) / 2) with v = n
-/// - 1.
+/// The mean of `f` over W, where (n - 1) W^2 is chi-squared with v = n - 1 degrees of freedom: the
+/// trapezoid rule over u = ln W, whose density is proportional to exp(v u - v exp(2 u) / 2).
 fn mean_over_deviations(n: usize, f: impl Fn(f64) -> f64) -> f64 {
     /// The greatest weight that is left out on either side is exp(-FAR) of the middle's.
     const FAR: f64 = 20.0;

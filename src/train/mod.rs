@@ -61,8 +61,8 @@ pub trait RunSink {
     /// As for [`iteration`](Self::iteration).
     fn policy(&mut self, env_steps: u64, last: bool, agent: &Agent) -> Result<(), SinkError>;
 
-    /// A part of a long work was done that is none of the above: called often, so that a watcher
-    /// notices a standstill.
+    /// Some work was done that is none of the above: called often, so that a watcher notices a
+    /// standstill.
     fn alive(&mut self) {}
 }
 

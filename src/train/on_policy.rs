@@ -30,7 +30,7 @@ struct Training<'a> {
 struct Progress {
     iteration: u64,
     env_steps: u64,
-    /// The number of evaluations during training.
+    /// The number of evaluations so far, during training.
     evaluations: u32,
     /// Whether the policy is evaluated before training goes on; if the budget ends here, it does
     /// not go on.

@@ -105,7 +105,7 @@ impl Observed {
         }
     }
 
-    /// The index of the position or velocity behind each of its numbers, with the number; for
+    /// Each of its numbers with the index of the position or velocity that it shows; only for
     /// sources that show one.
     fn told<'a>(&self, numbers: &'a [f64]) -> impl Iterator<Item = (usize, f64)> + 'a {
         (self.from..self.until).zip(numbers.iter().copied())

@@ -126,7 +126,7 @@ impl Bodies {
 ///
 /// # Errors
 ///
-/// It is not.
+/// `i` is too large.
 pub(super) fn within(i: usize, count: usize, what: &str) -> Result<usize, String> {
     let last = count.saturating_sub(1);
     if i < count {
