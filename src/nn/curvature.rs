@@ -71,6 +71,7 @@ impl Mlp {
             } = scratch;
             let cotangent = first(output, weights.len(), kept.chunk.len());
             let layer = hidden.len();
+            // The last hidden layer has no sensitivities: the output weights alone lead back to it.
             if let Some(last) = hidden.last_mut() {
                 let width = self.widths()[layer];
                 let last = &mut last[..width * kept.chunk.len()];

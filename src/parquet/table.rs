@@ -198,6 +198,7 @@ impl Table {
         let budget = Budget {
             numbers: MAX_NUMBERS,
             bytes: MAX_DECOMPRESSED,
+            // Text was refused above.
             text: 0,
         };
         let column = self.read(

@@ -105,6 +105,7 @@ pub fn plan(spec: &ExperimentSpec) -> Result<Vec<RunSpec>, PlanError> {
     let mut known = HashSet::new();
     let mut ids: HashMap<String, usize> = HashMap::new();
     let columns = columns::keys(spec);
+    // A run's name depends on the demonstrations of all blocks, so all are resolved first.
     let mut resolved = Vec::new();
     let mut demonstrations: BTreeMap<EnvId, BTreeSet<PathBuf>> = BTreeMap::new();
     for block in &spec.matrix {
@@ -132,6 +133,7 @@ pub fn plan(spec: &ExperimentSpec) -> Result<Vec<RunSpec>, PlanError> {
         // Once for all its seeds: there may be many.
         let identity = blake3::hash(run.identity().as_bytes());
         for &seed in &block.seed {
+            // A run that several blocks name stands where the first one names it.
             if !known.insert((identity, seed)) {
                 continue;
             }

@@ -292,6 +292,7 @@ fn conflicts(env: EnvId, settings: &Settings, algorithm: &Algorithm) -> Vec<Conf
     };
 
     let sparse = env.sparse_reward();
+    // The kind of reward must be the environment's; its thresholds may differ.
     if settings.reward != Reward::Dense
         && mem::discriminant(&settings.reward) != mem::discriminant(&sparse)
     {

@@ -81,6 +81,7 @@ impl ExperimentSpec {
             }
         }
 
+        // These hyperparameters were merged above, and are no settings.
         given.remove("algorithms");
         let mut settings = settings(env, algorithm, given)
             .map_err(wrong)?

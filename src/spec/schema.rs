@@ -92,6 +92,7 @@ pub fn schema() -> Value {
         let mut element = section.schema(&[]).cloned().unwrap_or_default();
         let fields = &mut element["properties"];
         fields["name"] = name("File name without extension");
+        // The types' own schemas allow any text; editors should offer the known names.
         for (field, names) in [
             ("y", Drawing::names().map(str::to_owned).collect()),
             ("reference", Reference::known()),
@@ -131,6 +132,7 @@ pub fn schema() -> Value {
     let mut schema = object("An experiment of mcpo-run", file);
     schema["$schema"] = json!("https://json-schema.org/draft/2020-12/schema");
     schema["title"] = json!("mcpo-run experiment");
+    // A file that extends another may leave its name and matrix to that.
     schema["anyOf"] = json!([{ "required": ["extends"] }, { "required": ["name", "matrix"] }]);
     schema
 }

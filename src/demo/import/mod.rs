@@ -92,6 +92,7 @@ pub fn import(path: &Path, env: EnvId) -> Result<Imported, DemoError> {
         warnings.extend(jump(&motion::jumps(demonstration, env).map_err(failed)?));
     }
     let provenance = &mut demonstration.provenance;
+    // The file may spell the environment's name in another way.
     provenance.retain(|(key, _)| key != "env");
     provenance.insert(0, ("env".into(), env.name().into()));
     let name = path

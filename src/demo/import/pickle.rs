@@ -468,6 +468,7 @@ impl<'a> Machine<'a> {
                 }
             }
             (Global::Encode, Some(&Object::Text(encoded)), Some(Object::Text("latin1"))) => {
+                // One text can be encoded many times, so the file's length does not bound this.
                 self.encoded += encoded.len();
                 if self.encoded > MAX_UNFOLDED {
                     return Err(format!(

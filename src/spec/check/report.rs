@@ -49,6 +49,7 @@ impl Checker<'_> {
                     }
                     let before = this.errors.len();
                     this.each(section, text, value);
+                    // A value of the wrong type is reported once, and not looked at further.
                     if this.errors.len() == before {
                         check(this, text, value);
                     }
