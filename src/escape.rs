@@ -1,4 +1,4 @@
-//! Text from outside, made harmless for where it is shown: a terminal, Markdown, LaTeX, a
+//! Text from outside, made harmless for the place that shows it: a terminal, Markdown, LaTeX, a
 //! spreadsheet, a web page.
 //!
 //! Owns the escapes of each format. Knows nothing of what the text says: error messages,
@@ -19,7 +19,7 @@ pub fn plain(text: &str) -> String {
         })
 }
 
-/// The same for text of several lines: its line ends and tabs stay.
+/// As [`plain`], for text of several lines: line ends and tabs stay.
 pub fn terminal(text: &str) -> String {
     text.chars()
         .fold(String::with_capacity(text.len()), |mut shown, character| {

@@ -10,12 +10,12 @@ use std::{
     path::Path,
 };
 
-/// What becomes of a path whose last part is a link to another file.
+/// How to treat a path whose last part is a link to another file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Links {
-    /// The other file is meant: somebody named this path.
+    /// Follow it: somebody named this path.
     Follow,
-    /// It is refused: the path was found, in a folder that somebody else may have made.
+    /// Refuse it: the path was found in a folder that somebody else may have made.
     Refuse,
 }
 
@@ -23,7 +23,7 @@ pub(crate) enum Links {
 ///
 /// # Errors
 ///
-/// It is missing, a link that is refused, no regular file, or longer than `limit` bytes.
+/// The file is missing, a refused link, not a regular file, or longer than `limit` bytes.
 pub(crate) fn read(path: &Path, links: Links, limit: u64) -> io::Result<Vec<u8>> {
     let file = open(path, links, OpenOptions::new().read(true))?;
     let mut bytes = Vec::new();
@@ -36,11 +36,11 @@ pub(crate) fn read(path: &Path, links: Links, limit: u64) -> io::Result<Vec<u8>>
     Ok(bytes)
 }
 
-/// Opens the regular file `path` as `options` say.
+/// Opens the regular file `path` with `options`.
 ///
 /// # Errors
 ///
-/// As the system's, or it is a link that is refused, or no regular file.
+/// The system refuses, or it is a refused link or not a regular file.
 pub(crate) fn open(path: &Path, links: Links, options: &OpenOptions) -> io::Result<File> {
     let mut options = options.clone();
     #[cfg(unix)]

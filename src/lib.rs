@@ -9,8 +9,8 @@
 //! ```
 //!
 //! MCPO's update, the reason this crate exists, is [`algo::mcpo`]; the quadratic problem inside it
-//! is
-//! [`solver::dual`]. The environments, the demonstrations, the MMD and the solver can be used without the runner.
+//! is [`solver::dual`]. The environments, the demonstrations, the MMD and the solver can be used
+//! without the runner.
 
 pub mod algo;
 pub mod arithmetic;

@@ -11,7 +11,7 @@ static ALLOCATOR: AtCacheLines = AtCacheLines;
 
 /// Bytes of a cache line, and of the widest vector.
 const LINE: usize = 64;
-/// Smaller pieces are no matrices, and are left as they are.
+/// Pieces smaller than this hold no matrix, and keep the usual alignment.
 const LARGE: usize = 4096;
 
 fn aligned(layout: Layout) -> Layout {

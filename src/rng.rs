@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 /// The one generator of this crate; saved and restored with serde.
 pub type Rng = ChaCha8Rng;
 
-/// What a stream of random numbers is for.
+/// The purpose of a stream of random numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u64)]
 pub enum Stream {

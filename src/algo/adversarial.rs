@@ -1,4 +1,4 @@
-//! Learning from a discriminator's reward beside the task's: what POfD and GAIL share.
+//! Learning from a discriminator's reward beside the task's, which POfD and GAIL share.
 //!
 //! Owns one iteration of it: one update of the discriminator, new rewards for the batch, one update
 //! of the policy. Knows nothing of how the policy is updated. Start at [`Adversarial`].
@@ -20,18 +20,18 @@ pub static PART: Part = Part {
 
 /// An algorithm whose rewards are `task r - imitation log D(s, a)`.
 pub struct Adversarial {
-    /// Which of the two the batch came from.
+    /// Tells the agent's samples from the demonstration's.
     pub discriminator: Discriminator,
     /// Weight of the task's own reward.
     pub task: f64,
-    /// Weight of the discriminator's.
+    /// Weight of the discriminator's reward.
     pub imitation: f64,
     /// The algorithm that improves the policy on these rewards.
     pub inner: Box<dyn OnPolicy>,
 }
 
 impl Adversarial {
-    /// The rewards of `batch` that are trained on `[n]`.
+    /// The rewards `[n]` that the policy trains on in `batch`.
     pub(super) fn rewards(&mut self, batch: &Batch) -> Vec<f64> {
         let imitation = self.discriminator.imitation_rewards(batch);
         batch
@@ -78,8 +78,8 @@ impl OnPolicy for Adversarial {
     }
 }
 
-/// The operations of an update: the discriminator's `updates`, the rewards, and those of the
-/// policy's update, `inner`.
+/// The operations of an update: the discriminator's `updates`, the rewards, and the policy's
+/// update, `inner`.
 pub(super) fn operations(
     updates: Count,
     inner: Vec<Operations>,

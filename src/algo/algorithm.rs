@@ -1,8 +1,7 @@
 //! One of the algorithms with its hyperparameters, whatever their type.
 //!
-//! Owns the form that matrices and records give it, `{ "mcpo": { "d": 0.001, ... } }`, and hands
-//! everything else to its
-//! [`Definition`]. Start at [`Algorithm`].
+//! Owns the form that matrices and records give it, `{ "mcpo": { "d": 0.001, ... } }`, and leaves
+//! everything else to its [`Definition`]. Start at [`Algorithm`].
 
 use std::{collections::BTreeMap, fmt, sync::Arc};
 
@@ -26,7 +25,7 @@ use crate::env::EnvId;
 #[derive(Clone)]
 pub struct Algorithm(Arc<dyn Configured>);
 
-/// A definition whose hyperparameters are of any type.
+/// A definition, whatever the type of its hyperparameters.
 pub trait Entry: Sync {
     /// Its name, its needs and its costs.
     fn about(&self) -> &About;
@@ -111,12 +110,12 @@ impl Algorithm {
         self.about().dense
     }
 
-    /// Whether it takes steps of training in the environment; the others are evaluated alone.
+    /// Whether it trains in the environment; other algorithms are only evaluated there.
     pub fn trains(&self) -> bool {
         self.about().trains
     }
 
-    /// The revisions, by part, that its numbers depend on.
+    /// The revisions that its numbers depend on, by part.
     pub fn revisions(&self) -> BTreeMap<String, u32> {
         revision::of(self.about().part)
     }
@@ -135,8 +134,7 @@ impl Algorithm {
         toml::Table::from_iter([(name.to_owned(), toml::Value::Table(table))]).try_into()
     }
 
-    /// The behaviour cloning that its agent goes through before the first rollout; `None` where
-    /// there is none.
+    /// The behaviour cloning of its agent before the first rollout; `None` if there is none.
     pub fn cloning(&self) -> Option<&cloning::Hyperparameters> {
         self.0.cloning()
     }
@@ -150,7 +148,7 @@ impl Algorithm {
         self.0.start(start)
     }
 
-    /// The operations of an update, part by part, without the rollout's passes of the policy.
+    /// The operations of an update, part by part, without the policy's passes of the rollout.
     pub(super) fn operations(&self, counter: &Counter<'_>) -> Vec<Operations> {
         self.0.operations(counter)
     }
@@ -163,7 +161,7 @@ struct Tuned<H: 'static> {
     hyperparameters: H,
 }
 
-/// The same, whatever that type is.
+/// An algorithm with its hyperparameters, whatever their type.
 trait Configured: fmt::Debug + Send + Sync {
     fn about(&self) -> &'static About;
     fn json(&self) -> Json;

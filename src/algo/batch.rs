@@ -9,7 +9,7 @@ use nalgebra::DMatrix;
 pub struct Batch {
     /// Normalised observations as the policy saw them `[observation_dim x n]`.
     pub observations: DMatrix<f32>,
-    /// The same as the environments gave them `[observation_dim x n]`.
+    /// The same observations as the environments gave them `[observation_dim x n]`.
     pub raw_observations: DMatrix<f64>,
     /// The policy's mean actions `[action_dim x n]`; the same bits as its forward pass on
     /// `observations` gives.
@@ -27,16 +27,16 @@ pub struct Batch {
 pub struct Segment {
     /// Its samples.
     pub range: Range<usize>,
-    /// How it goes on after its last sample.
+    /// How the episode goes on after its last sample.
     pub end: SegmentEnd,
 }
 
 /// How an episode goes on after a segment of it.
 #[derive(Debug, Clone, PartialEq)]
 pub enum SegmentEnd {
-    /// Not at all: the episode terminated, and its return is complete.
+    /// It does not: the episode terminated, and its return is complete.
     Terminated,
-    /// Further, had the time limit or the rollout's end not cut it: the value of the next state
+    /// It would go on, but the time limit or the rollout's end cut it: the value of the next state
     /// stands in for the rest.
     Bootstrapped {
         /// The normalised observation after the last action `[observation_dim]`.
@@ -50,7 +50,7 @@ impl Batch {
         self.rewards.len()
     }
 
-    /// Whether there is none.
+    /// Whether there are no samples.
     pub fn is_empty(&self) -> bool {
         self.rewards.is_empty()
     }

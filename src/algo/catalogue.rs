@@ -1,8 +1,8 @@
-//! All algorithms: those of this crate, and those that a program of one's own adds.
+//! All algorithms: those of this crate, and those that a user's program adds.
 //!
 //! Owns the list. Knows nothing of what an algorithm is: that is its
-//! [`Definition`](super::definition::Definition). Start at
-//! [`all`]; a program of one's own calls [`register`], and then [`cli::main`](crate::cli::main).
+//! [`Definition`](super::definition::Definition). Start at [`all`]; a user's program calls
+//! [`register`], and then [`cli::main`](crate::cli::main).
 
 use std::sync::OnceLock;
 
@@ -12,8 +12,7 @@ use super::{
 };
 use crate::env::EnvId;
 
-/// This crate's, in the order in which messages list them and in which figures give out looks:
-/// append only.
+/// This crate's algorithms, in the order of messages and of the looks in figures: append only.
 static BUILT_IN: [&dyn Entry; 11] = [
     &mcpo::MCPO,
     &ppo::PPO,
@@ -28,33 +27,33 @@ static BUILT_IN: [&dyn Entry; 11] = [
     &penalty::PENALTY,
 ];
 
-/// Those that were registered; settled by the first who asks.
+/// The registered algorithms; fixed by the first caller who asks for the list.
 static ADDED: OnceLock<Vec<&'static dyn Entry>> = OnceLock::new();
 
-/// Why algorithms cannot be added.
+/// Errors of adding algorithms.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum RegisterError {
-    /// The list is in use.
+    /// The list is already in use.
     #[error("algorithms are registered once, before any file is read")]
     Late,
     /// Two algorithms would have one name.
     #[error("there is an algorithm called `{0}` already")]
     Taken(&'static str),
-    /// A name that matrices, folders and records could not all hold.
+    /// Matrices, folders and records could not all hold this name.
     #[error(
         "`{0}` cannot be the name of an algorithm: expected lower-case letters, digits and `_`, a letter first"
     )]
     Name(&'static str),
 }
 
-/// Adds algorithms to the catalogue, for this process: matrices, the schema, `plan`, `bench`,
-/// training and reports know them like those of this crate. Call it once, first thing in `main`,
-/// which workers run too.
+/// Adds algorithms to the catalogue for this process: matrices, the schema, `plan`, `bench`,
+/// training and reports know them like those of this crate.
+/// Call it once, first thing in `main`, which workers run too.
 ///
 /// # Errors
 ///
-/// A name is taken or malformed, or the catalogue was read or added to before; nothing is added
-/// then.
+/// A name is taken or malformed, or the catalogue was read or added to before; nothing is then
+/// added.
 pub fn register(added: &[&'static dyn Entry]) -> Result<(), RegisterError> {
     let mut known: Vec<&str> = BUILT_IN.iter().map(|entry| entry.about().name).collect();
     for name in added.iter().map(|entry| entry.about().name) {
@@ -100,8 +99,8 @@ impl Algorithm {
         find(name).map(|entry| entry.about().label)
     }
 
-    /// The hyperparameters of all algorithms that came after runs of record, as
-    /// `mcpo.recovery_depth`, each with the value under which nothing changes, as JSON.
+    /// All algorithms' hyperparameters that are newer than some recorded runs, as
+    /// `mcpo.recovery_depth`, each with its neutral value, under which nothing changes, as JSON.
     pub fn later() -> impl Iterator<Item = (String, &'static str)> {
         let of = |about: &'static About| {
             about

@@ -104,9 +104,9 @@ impl Hyperparameters {
 }
 
 /// Trains `agent`'s policy on `demonstration`, in units of the demonstration's own mean and
-/// deviation, which its normaliser then keeps. The value network is left as it is: a demonstration
-/// holds no sparse returns. Calls `epoch` with the loss (over the whole demonstration) after each
-/// epoch.
+/// deviation, which its normaliser then keeps.
+/// The value network is left as it is: a demonstration holds no sparse returns.
+/// Calls `epoch` with the loss over the whole demonstration after each epoch.
 ///
 /// # Errors
 ///
@@ -118,6 +118,7 @@ pub fn clone_behaviour(
     rng: &mut Rng,
     mut epoch: impl FnMut(u64, f64, &Agent),
 ) -> Result<(), AlgoError> {
+    // The clone is a function of states in these units, so they must not move afterwards.
     agent.normalizer = Normalizer::held(&demonstration.observations, agent.normalizer.clip());
     let observations = agent
         .normalizer

@@ -101,8 +101,8 @@ impl Critic {
     }
 
     /// Fits `value` to `returns` (`[n]`) at `observations` (`[observation_dim x n]`) by minibatches
-    /// of the mean squared error, with the L2 penalty. Gives the mean squared error over the last
-    /// epoch, each minibatch before its step.
+    /// of the mean squared error, with the L2 penalty.
+    /// Returns the mean squared error over the last epoch, each minibatch before its step.
     ///
     /// # Errors
     ///
@@ -139,6 +139,8 @@ impl Critic {
                     *cotangent = (2.0 * error / chosen.len() as f64) as f32;
                 }
                 value.vjp(minibatch, pass, cotangent, gradient);
+                // Decay acts on the parameters and not on the gradient, for the reason at
+                // `Fit::l2_penalty`.
                 let keep = (1.0 - 2.0 * fit.learning_rate * fit.l2_penalty) as f32;
                 value
                     .parameters_mut()

@@ -1,9 +1,8 @@
-//! The form in which an algorithm says what it is, once, beside its code.
+//! The definition of an algorithm, written once, beside its code.
 //!
 //! Owns the form of it: a [`Definition`], which each algorithm's file fills in and the
 //! [catalogue](super::catalogue) lists. The matrix format, the schema, training, `plan`'s costs,
-//! `bench` and the reports ask it and name no algorithm. Start at
-//! [`Definition`].
+//! `bench` and the reports ask it and name no algorithm. Start at [`Definition`].
 
 use std::fmt;
 
@@ -23,16 +22,16 @@ pub struct Definition<H: 'static> {
     pub about: About,
     /// The hyperparameters' defaults for an environment.
     pub defaults: fn(EnvId) -> H,
-    /// Behaviour cloning on the demonstration before the first rollout, where there is some; runs
-    /// that begin alike share the cloned agent.
+    /// Behaviour cloning on the demonstration before the first rollout, if there is any; runs that
+    /// begin alike share the cloned agent.
     pub cloning: Option<fn(&H) -> &cloning::Hyperparameters>,
     /// The learner of a run, ready for its first rollout.
     pub start: fn(H, Start) -> Result<Learner, AlgoError>,
-    /// The operations of an update, part by part, without the rollout's passes of the policy.
+    /// The operations of an update, part by part, without the policy's passes of the rollout.
     pub operations: fn(&H, &Counter<'_>) -> Vec<Operations>,
 }
 
-/// The facts about an algorithm that others decide by before it runs.
+/// The facts about an algorithm that others need before it runs.
 #[derive(Debug)]
 pub struct About {
     /// Its name in matrices, folders and records: lower-case letters, digits and `_`.
@@ -43,22 +42,23 @@ pub struct About {
     pub demonstration: bool,
     /// Whether it trains on the dense reward, whatever the environment's reward says.
     pub dense: bool,
-    /// Whether it takes steps of training in the environment; the others are evaluated alone.
+    /// Whether it trains in the environment; other algorithms are only evaluated there.
     pub trains: bool,
-    /// Default of `rollout.steps`, the steps of one iteration, where it is not the environment's.
+    /// Default of `rollout.steps`, the steps of one iteration, if it is not the environment's.
     pub steps: Option<u64>,
-    /// Forward passes of a network, or what takes as long, that one step's sample goes through in
-    /// an iteration: a guess for `plan`, which recorded speeds soon replace.
+    /// The forward passes of a network, or work that takes as long, for one step's sample in an
+    /// iteration: a guess for `plan`, which recorded speeds soon replace.
     pub passes: f64,
-    /// The part that its numbers depend on; `None` where it computes nothing.
+    /// The part that its numbers depend on; `None` if it computes nothing.
     pub part: Option<&'static Part>,
-    /// Hyperparameters that came after runs of record, each with the value under which nothing
-    /// changes, as JSON. A run with that value has the fingerprint that it had before the key was
-    /// there, and a record that does not name the key is read as if it did.
+    /// Hyperparameters that are newer than some recorded runs, each with its neutral value, under
+    /// which nothing changes, as JSON.
+    /// A run with that value has the fingerprint that it had before the key was there, and a record
+    /// that does not name the key is read as if it had that value.
     pub later: &'static [(&'static str, &'static str)],
 }
 
-/// From what an algorithm starts.
+/// The data that an algorithm starts from.
 pub struct Start {
     /// The run's agent: untrained, or cloned where the definition says so.
     pub agent: Agent,
@@ -82,26 +82,25 @@ impl Start {
     }
 }
 
-/// The ways in which a run comes to its last policy.
+/// The ways in which a run reaches its last policy.
 pub enum Learner {
     /// Learns from its own rollouts.
     OnPolicy(Box<dyn OnPolicy>),
-    /// Has learned from the demonstration alone, and takes no step of its own; with what that was
-    /// like.
+    /// Has learned from the demonstration alone, and takes no steps of its own; with the record of
+    /// that learning.
     Offline(Agent, Box<Update>),
     /// Learns nothing: uniform actions.
     Uniform,
 }
 
 impl Learner {
-    /// One that learns from its own rollouts.
+    /// A learner from its own rollouts.
     pub fn on_policy(algorithm: impl OnPolicy + 'static) -> Self {
         Self::OnPolicy(Box::new(algorithm))
     }
 }
 
-/// Hyperparameters that a matrix can set and a record can hold; every type that can be has this
-/// trait.
+/// Hyperparameters that a matrix can set and a record can hold; every suitable type has this trait.
 pub trait Tunable:
     fmt::Debug + Clone + Serialize + DeserializeOwned + schemars::JsonSchema + Send + Sync + 'static
 {

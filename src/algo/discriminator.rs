@@ -1,4 +1,5 @@
-//! The discriminator of POfD and GAIL: which of two hands a state-action pair came from.
+//! The discriminator of POfD and GAIL: it tells the agent's state-action pairs from the
+//! demonstration's.
 //!
 //! Owns the classifier and its one update an iteration. Knows nothing of rewards' weights. Start at
 //! [`Discriminator`].
@@ -82,8 +83,9 @@ impl Discriminator {
         }
     }
 
-    /// Takes its steps on `batch` against the demonstration, and gives the loss before the last of
-    /// them: `-mean log D` on the agent's pairs, minus `mean log(1 - D)` on the demonstration's.
+    /// Takes its steps on `batch` against the demonstration.
+    /// Returns the loss before the last step: `-mean log D` on the agent's pairs, minus
+    /// `mean log(1 - D)` on the demonstration's.
     ///
     /// # Errors
     ///
@@ -140,12 +142,12 @@ impl Discriminator {
             .collect()
     }
 
-    /// Everything the next update depends on.
+    /// Everything that the next update depends on.
     pub fn save(&self) -> Vec<u8> {
         super::to_bytes(&self.state)
     }
 
-    /// Puts back what [`save`](Discriminator::save) gave.
+    /// Restores a state of [`save`](Discriminator::save).
     ///
     /// # Errors
     ///

@@ -21,8 +21,9 @@ pub struct Advantages {
     pub returns: Vec<f64>,
 }
 
-/// Advantages of `batch` for per-sample `rewards` (`[n]`), with `value` as baseline: a segment that
-/// was cut bootstraps from the value of the observation after it, one that terminated from nothing.
+/// Advantages of `batch` for per-sample `rewards` (`[n]`), with `value` as baseline.
+/// A segment that was cut bootstraps from the value of the observation after it; one that
+/// terminated has no such value.
 pub fn estimate(
     batch: &Batch,
     rewards: &[f64],
@@ -54,7 +55,7 @@ pub fn estimate(
     }
 }
 
-/// The value after each segment: zero where it terminated.
+/// The value after each segment; zero if it terminated.
 fn bootstrap_values(batch: &Batch, value: &Mlp, pass: &mut Pass) -> Vec<f64> {
     let columns: Vec<&[f32]> = batch
         .segments

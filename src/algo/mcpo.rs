@@ -5,11 +5,9 @@
 //! ```
 //!
 //! Owns one iteration of it: linearise (Eq. 5), solve the dual (Eq. 6 to 12, with Eq. 11 corrected
-//! in
-//! [`solver::dual`](crate::solver::dual)), search along the step, recover by Eq. (13) where the constraint is out of reach,
-//! and anneal the tolerance, `d_k+1 = d_k (1 + epsilon)`. Knows nothing of how D is measured: that
-//! is [`mimicry`](super::mimicry). Start at
-//! [`Mcpo::update`].
+//! in [`solver::dual`](crate::solver::dual)), search along the step, recover by Eq. (13) if the
+//! constraint is out of reach, and anneal the tolerance, `d_k+1 = d_k (1 + epsilon)`. Knows nothing
+//! of how D is measured: that is [`mimicry`](super::mimicry). Start at [`Mcpo::update`].
 //!
 //! Eq. (14) judges by the linear model whether the constraint can be reached. Far from the
 //! demonstration MMD^2 is nearly flat, and a step that should reach it falls short; at the
@@ -138,7 +136,7 @@ pub struct Mcpo {
 struct State {
     agent: Agent,
     critic: Critic,
-    /// d_k.
+    /// The tolerance d_k.
     tolerance: f64,
 }
 

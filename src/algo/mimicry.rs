@@ -81,7 +81,7 @@ pub struct Mimicry {
     /// Raw observations of the demonstration `[observation_dim x m]`, for the policy.
     observations: DMatrix<f64>,
     standardizer: Standardizer,
-    /// The same in the kernel's units.
+    /// The observations in the kernel's units.
     states: DMatrix<f32>,
     target: Target,
     state: State,
@@ -95,7 +95,7 @@ struct State {
     critic: Critic,
 }
 
-/// D at the policy of this iteration, what is needed to follow it nearby, and its gradient.
+/// D at the policy of this iteration, its gradient, and the means to follow it nearby.
 pub struct Measured {
     /// `D(theta_k)`.
     pub mmd: f64,
@@ -115,16 +115,16 @@ pub struct Descent {
     pub steps: u64,
 }
 
-/// How D is known at other policies than that of the iteration.
+/// The way to know D at other policies than the iteration's.
 enum Nearby {
-    /// Measured again, at the same states, which are the policy's inputs `[observation_dim x m]`.
+    /// Measure it again, at the same states, which are the policy's inputs `[observation_dim x m]`.
     DemoStates { inputs: DMatrix<f32> },
     /// To first order, by the importance-weighted advantages of the cost f `[n]`.
     Rollout { advantages: Vec<f64> },
 }
 
 impl Mimicry {
-    /// Nearness to `demonstration`, for a policy with hidden layers of `hidden`.
+    /// The constraint to `demonstration`, for a policy with hidden layers of `hidden`.
     pub fn new(
         hyperparameters: Hyperparameters,
         demonstration: &Demonstration,
@@ -185,6 +185,8 @@ impl Mimicry {
                 let mmd = self
                     .target
                     .mmd_squared_witness(&stack(&states, &batch.actions), &mut cost);
+                // Without this a far policy, whose every step costs, would be told to end its
+                // episodes.
                 let mean = cost.iter().sum::<f64>() / cost.len() as f64;
                 cost.iter_mut().for_each(|f| *f = 2.0 * (*f - mean));
                 let (discount, lambda) = (critic.discount.get(), critic.gae_lambda.get());
@@ -213,8 +215,8 @@ impl Mimicry {
         }
     }
 
-    /// D at `policy`, a step away from the policy that was measured; `ratios` (`[n]`) are its
-    /// probabilities of the batch's actions relative to that policy's.
+    /// D at `policy`, a step away from the measured policy; `ratios` (`[n]`) are its probabilities
+    /// of the batch's actions relative to that policy's.
     pub fn at(&mut self, measured: &Measured, policy: &GaussianPolicy, ratios: &[f64]) -> f64 {
         match &measured.nearby {
             Nearby::DemoStates { inputs } => self.at_states(policy, inputs, None),
@@ -271,12 +273,12 @@ impl Mimicry {
         target.mmd_squared(&stack(states, &DMatrix::zeros(action_dim, states.ncols())))
     }
 
-    /// Everything the next measurement depends on.
+    /// Everything that the next measurement depends on.
     pub fn save(&self) -> Vec<u8> {
         super::to_bytes(&self.state)
     }
 
-    /// Puts back what [`save`](Mimicry::save) gave.
+    /// Restores a state of [`save`](Mimicry::save).
     ///
     /// # Errors
     ///
@@ -287,7 +289,7 @@ impl Mimicry {
     }
 
     /// D between the demonstration and `policy`'s mean actions at its states, which are `inputs` to
-    /// the policy; and its gradient, where asked for.
+    /// the policy; and its gradient, if `gradient` is given.
     fn at_states(
         &mut self,
         policy: &GaussianPolicy,

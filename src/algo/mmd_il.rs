@@ -157,6 +157,7 @@ impl MmdIl {
             trial_pass,
         } = self;
         let trpo::Hyperparameters { region, critic } = &hyperparameters.trpo;
+        // Rewards do not count here: the surrogate only serves for ratios, the KL and the score.
         let no_advantages = vec![0.0; batch.len()];
         let surrogate = Surrogate::new(&agent.policy, batch, &no_advantages, pass);
         let measured = mimicry.measure(agent, &surrogate, pass, critic, rng)?;

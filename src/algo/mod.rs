@@ -68,7 +68,7 @@ impl Agent {
 /// An error of an algorithm.
 #[derive(Debug, thiserror::Error)]
 pub enum AlgoError {
-    /// A number stopped being one.
+    /// A number is no longer finite.
     #[error("{what} is {value} in this update: training diverged")]
     Diverged {
         /// The quantity.
@@ -88,7 +88,7 @@ pub enum AlgoError {
         /// `b.H^-1 b`, where it was needed.
         s: Option<f64>,
     },
-    /// A saved state does not fit.
+    /// A saved state is of another algorithm or shape.
     #[error("the saved state of {algorithm} cannot be read: {source}")]
     State {
         /// The algorithm's name.
@@ -110,7 +110,7 @@ pub trait OnPolicy: Send {
     /// The agent whose policy acts.
     fn agent(&self) -> &Agent;
 
-    /// The same, for the rollout, which updates the normaliser.
+    /// The agent, for the rollout, which updates the normaliser.
     fn agent_mut(&mut self) -> &mut Agent;
 
     /// Improves the policy on one batch. `rng` is the stream of updates.
@@ -120,10 +120,10 @@ pub trait OnPolicy: Send {
     /// A loss or parameter is no longer finite.
     fn update(&mut self, batch: &Batch, rng: &mut Rng) -> Result<Update, AlgoError>;
 
-    /// Everything the next update depends on, the agent included.
+    /// Everything that the next update depends on, the agent included.
     fn save(&self) -> Vec<u8>;
 
-    /// Puts back what [`save`](OnPolicy::save) gave.
+    /// Restores a state of [`save`](OnPolicy::save).
     ///
     /// # Errors
     ///
@@ -151,7 +151,7 @@ pub struct Update {
     pub mmd_after: Option<f64>,
     /// `d_k`, the tolerance in force.
     pub d: Option<f64>,
-    /// Which case of the dual was met; see `algo::mcpo`.
+    /// The case of the dual; see `algo::mcpo`.
     pub case: Option<String>,
     /// Multiplier of the KL constraint.
     pub lambda: Option<f64>,
@@ -167,20 +167,21 @@ pub struct Update {
     pub recovery_steps: Option<u64>,
     /// The discriminator's loss (POfD, GAIL).
     pub discriminator_loss: Option<f64>,
-    /// Loss of behaviour cloning on the demonstration, before the update: how much of the clone is
-    /// left (pre-training); at the end of cloning (BC).
+    /// Loss of behaviour cloning on the demonstration.
+    /// In pre-training, before the update: it tells how much of the clone is left. In BC, at the
+    /// end of cloning.
     pub cloning_loss: Option<f64>,
     /// Seconds in each named part of the update, for `mcpo-run bench`.
     #[serde(default)]
     pub seconds: Vec<(String, f64)>,
 }
 
-/// The bytes of a `state` to be saved.
+/// Serialises a `state` to be saved.
 pub fn to_bytes<T: Serialize>(state: &T) -> Vec<u8> {
     postcard::to_stdvec(state).expect("a state of numbers and vectors always serialises")
 }
 
-/// The state of `algorithm` saved in `bytes`.
+/// The state of `algorithm` in `bytes`.
 ///
 /// # Errors
 ///

@@ -1,10 +1,10 @@
-//! How many floating-point operations an iteration needs at least.
+//! The least number of floating-point operations that an iteration needs.
 //!
-//! Owns the counts of networks' passes, from which each algorithm makes up its own. They are those
-//! of matrix products, 2 for each multiplication with its addition; tanh, exp, densities, Adam,
-//! shuffles and copies count as nothing, and so does what a run takes for its record alone (the KL
-//! after an update, the discriminator's loss). Knows nothing of how long an operation takes. Start
-//! at [`of_iteration`].
+//! Owns the counts of networks' passes, from which each algorithm composes its own. They count
+//! matrix products, 2 for each multiplication with its addition. Tanh, exp, densities, Adam,
+//! shuffles and copies count as nothing, and so does what a run computes for its record alone (the
+//! KL after an update, the discriminator's loss). Knows nothing of how long an operation takes.
+//! Start at [`of_iteration`].
 //!
 //! A network of weights P, of which P_1 are the first layer's and P_L the last's, with A outputs
 //! and hidden layers of h_1 to h_k, takes for each sample
@@ -49,8 +49,8 @@ pub struct Shapes {
 /// The name of a part of an iteration, and its operations.
 pub type Operations = (&'static str, f64);
 
-/// The operations of an iteration of `algorithm` that did `update`, part by part. `cuts` is how
-/// many of the batch's segments end with a value to be looked up.
+/// The operations of an iteration of `algorithm` that did `update`, part by part. `cuts` is the
+/// number of the batch's segments that end with a value to be looked up.
 pub fn of_iteration(
     algorithm: &Algorithm,
     shapes: &Shapes,
@@ -66,13 +66,13 @@ pub fn of_iteration(
 /// The operations that a sample's pass through one network takes.
 #[derive(Debug, Clone, Copy)]
 pub struct Network {
-    /// P.
+    /// The number of weights, P.
     weights: f64,
-    /// P_1.
+    /// The number of the first layer's weights, P_1.
     first: f64,
-    /// Of a Fisher product.
+    /// The operations of a Fisher product.
     pub fisher_product: f64,
-    /// Of the sensitivities, which all Fisher products of an iteration share.
+    /// The operations of the sensitivities, which all Fisher products of an iteration share.
     pub sensitivities: f64,
 }
 
@@ -93,39 +93,39 @@ impl Network {
         }
     }
 
-    /// Of a forward pass.
+    /// The operations of a forward pass.
     pub fn forward(self) -> f64 {
         2.0 * self.weights
     }
 
-    /// Of a vector-Jacobian product, after a forward pass.
+    /// The operations of a vector-Jacobian product, after a forward pass.
     pub fn vjp(self) -> f64 {
         4.0 * self.weights - 2.0 * self.first
     }
 
-    /// Of both.
+    /// The operations of a forward pass and a vector-Jacobian product.
     pub fn forward_and_vjp(self) -> f64 {
         self.forward() + self.vjp()
     }
 }
 
-/// One iteration as its parts are counted.
+/// The sizes of one iteration, from which its operations are counted.
 pub struct Counter<'a> {
-    /// Of the policy.
+    /// The policy's network.
     pub policy: Network,
-    /// Of the value network.
+    /// The value network.
     pub value: Network,
-    /// Of a network that tells apart pairs of observation and action.
+    /// The discriminator's network, whose inputs are pairs of observation and action.
     pub discriminator: Network,
-    /// Samples of the batch.
+    /// The number of samples in the batch.
     pub n: f64,
-    /// Points of the demonstration.
+    /// The number of points in the demonstration.
     pub m: f64,
-    /// Numbers of a point: observation and action.
+    /// The number of coordinates of a point: observation and action.
     pub point: f64,
-    /// Segments of the batch that end with a value to be looked up.
+    /// The number of the batch's segments that end with a value to be looked up.
     pub cuts: f64,
-    /// The update's record: how often its loops went round.
+    /// The update's record, which tells how often its loops went round.
     pub update: &'a Update,
 }
 
@@ -151,17 +151,17 @@ impl<'a> Counter<'a> {
         }
     }
 
-    /// The baseline of the advantages.
+    /// The values for the baseline of the advantages.
     pub fn values(&self) -> Operations {
         ("values", (self.n + self.cuts) * self.value.forward())
     }
 
-    /// The gradient of the surrogate; the rollout's activations are kept.
+    /// The gradient of the surrogate; the rollout's activations are reused.
     pub fn surrogate_gradient(&self) -> Operations {
         ("surrogate gradient", self.n * self.policy.vjp())
     }
 
-    /// `epochs` passes of the policy over the batch, there and back.
+    /// `epochs` forward and backward passes of the policy over the batch.
     pub fn policy_epochs(&self, epochs: Count) -> Operations {
         (
             "policy epochs",
@@ -169,7 +169,7 @@ impl<'a> Counter<'a> {
         )
     }
 
-    /// `epochs` passes of the value network over the batch, there and back.
+    /// `epochs` forward and backward passes of the value network over the batch.
     pub fn value_epochs(&self, epochs: Count) -> Operations {
         (
             "value epochs",
@@ -177,8 +177,8 @@ impl<'a> Counter<'a> {
         )
     }
 
-    /// Trials of a line search that takes at most `limit`: it halves the step from 1 on, and 0 says
-    /// that all were rejected.
+    /// The trials of a line search of at most `limit`, from the fraction that it took: it halves
+    /// the step from 1 on, and the fraction 0 means that all were rejected.
     pub fn trials(&self, limit: Count) -> f64 {
         match self.update.step_fraction {
             Some(fraction) if fraction > 0.0 => 1.0 - fraction.log2(),

@@ -120,7 +120,7 @@ pub struct Penalty {
 struct State {
     agent: Agent,
     critic: Critic,
-    /// w_k.
+    /// The weight w_k.
     weight: f64,
 }
 
@@ -191,6 +191,7 @@ impl OnPolicy for Penalty {
         let surrogate = Surrogate::new(&agent.policy, batch, &estimate.advantages, pass);
         let measured = mimicry.measure(agent, &surrogate, pass, c, rng)?;
         let mut g = surrogate.gradient(&agent.policy, pass);
+        // The step minimises, so the surrogate enters with the other sign.
         for (g, b) in g.iter_mut().zip(&measured.gradient) {
             *g = (*weight * f64::from(*b) - f64::from(*g)) as f32;
         }

@@ -182,8 +182,8 @@ impl Ppo {
     }
 }
 
-/// One step of Adam up the clipped surrogate of the samples `chosen`; gives how many of their
-/// ratios were clipped.
+/// Takes one step of Adam up the clipped surrogate of the samples `chosen`; returns how many of
+/// their ratios were clipped.
 #[expect(
     clippy::too_many_arguments,
     reason = "the parts of a borrowed Ppo, and one minibatch"
@@ -322,6 +322,7 @@ impl OnPolicy for Ppo {
         let mut steps = 0;
         for _ in 0..hyperparameters.epochs.get() {
             order.shuffle(rng);
+            // Only the last epoch's share is recorded.
             clipped = 0;
             for chosen in order.chunks(hyperparameters.minibatch.size()) {
                 clipped += step(
@@ -337,6 +338,7 @@ impl OnPolicy for Ppo {
                 steps += 1;
             }
         }
+        // The product is not finite if any parameter is not.
         finite(
             "the policy's parameters",
             dot(&buffers.gradient, &agent.policy.parameters()),

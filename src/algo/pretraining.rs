@@ -1,14 +1,13 @@
 //! Pre-training (Silver et al., 2016): behaviour cloning on the demonstration, then PPO.
 //!
-//! Owns the order of the two, and what names the result of the first. Knows nothing of either's
-//! inside. Start at
-//! [`Pretraining`].
+//! Owns the order of the two, and the name of the result of the first. Knows nothing of either's
+//! inside. Start at [`Pretraining`].
 //!
 //! The cloned policy keeps the standard deviation it started with (mean squared error does not see
 //! it), and the value network and both optimisers start fresh. The normaliser stays at the
-//! demonstration's statistics: the clone is a function of states in these units. Where it runs on,
-//! as PPO's own does, the exploring agent's states stretch the units under the clone, most where
-//! the demonstration's lie close together.
+//! demonstration's statistics: the clone is a function of states in these units. If the normaliser
+//! ran on, as PPO's own does, the exploring agent's states would stretch the units under the clone,
+//! most where the demonstration's states lie close together.
 
 use serde::{Deserialize, Serialize};
 
@@ -81,18 +80,18 @@ impl Hyperparameters {
 /// Everything that decides a pre-trained agent.
 #[derive(Debug, Clone, Copy)]
 pub struct Pretraining<'a> {
-    /// How it learns.
+    /// The hyperparameters of its cloning.
     pub hyperparameters: &'a cloning::Hyperparameters,
-    /// The agent before it learned anything.
+    /// The agent before cloning.
     pub agent: &'a Agent,
-    /// From what it learns.
+    /// The demonstration that it learns from.
     pub demonstration: &'a Demonstration,
-    /// Of the order of the minibatches.
+    /// The seed of the minibatches' order.
     pub seed: Seed,
 }
 
 impl Pretraining<'_> {
-    /// The name of the agent that [`train`](Self::train) gives: a hash of all that it depends on,
+    /// The name of the agent that [`train`](Self::train) returns: a hash of all that it depends on,
     /// the revision of cloning included. Only the class of the machine may still change last bits.
     pub fn key(&self) -> String {
         let Self {
@@ -119,8 +118,8 @@ impl Pretraining<'_> {
         .to_string()
     }
 
-    /// The agent after behaviour cloning, which calls `alive` after each epoch; what follows is PPO
-    /// as it is.
+    /// The agent after behaviour cloning, which calls `alive` after each epoch; unchanged PPO
+    /// follows.
     ///
     /// # Errors
     ///
@@ -142,7 +141,7 @@ impl Pretraining<'_> {
     }
 }
 
-/// PPO from the pre-trained agent on, which tells with each update how much of the clone is left.
+/// PPO from the pre-trained agent on, which records with each update how much of the clone is left.
 pub struct Pretrained {
     ppo: Ppo,
     loss: cloning::Loss,

@@ -13,7 +13,7 @@ use crate::{
 /// The hidden layers of every network.
 pub const HIDDEN: [usize; 2] = [5, 4];
 
-/// All of it; one row a sample.
+/// All of numpy's results; one row a sample.
 #[derive(Deserialize)]
 pub struct Reference {
     pub policy: Vec<f32>,
@@ -57,7 +57,7 @@ pub struct Ppo {
     pub after: Vec<f64>,
 }
 
-/// Discount 0.9, lambda 0.7.
+/// With discount 0.9 and lambda 0.7.
 #[derive(Deserialize)]
 pub struct Gae {
     pub value: Vec<f32>,
@@ -78,7 +78,7 @@ pub struct Discriminator {
     pub rewards: Vec<f64>,
 }
 
-/// Reads it.
+/// Reads numpy's results.
 pub fn reference() -> Reference {
     serde_json::from_str(include_str!("../../tests/reference/algorithms.json"))
         .expect("the reference")
@@ -131,7 +131,7 @@ impl Reference {
     }
 }
 
-/// One row a sample, as one column a sample.
+/// Turns rows, one a sample, into columns, one a sample.
 pub fn columns(rows: &[Vec<f64>]) -> DMatrix<f64> {
     DMatrix::from_vec(rows[0].len(), rows.len(), rows.concat())
 }

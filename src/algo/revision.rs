@@ -6,11 +6,12 @@
 
 use std::collections::BTreeMap;
 
-/// Networks, the normaliser, rollouts and evaluations, which every run shares. Raise it when one of
-/// these gives other numbers; a change in a solver raises the parts that use it.
+/// The revision of networks, the normaliser, rollouts and evaluations, which every run shares.
+/// Raise it when one of these gives other numbers; a change in a solver raises the parts that use
+/// it.
 const TRAINING: u32 = 1;
 
-/// A file that computes something an algorithm's numbers depend on.
+/// A file whose results an algorithm's numbers depend on.
 #[derive(Debug)]
 pub struct Part {
     /// The file's name.
@@ -21,8 +22,8 @@ pub struct Part {
     pub uses: &'static [&'static Part],
 }
 
-/// The revisions, by part, that the numbers of an algorithm depend on whose own part is `part`;
-/// those of training alone where it has none.
+/// The revisions, by part, that an algorithm's numbers depend on, whose own part is `part`; only
+/// the revision of training if it has none.
 pub fn of(part: Option<&'static Part>) -> BTreeMap<String, u32> {
     let mut revisions = BTreeMap::from([("training".to_owned(), TRAINING)]);
     let mut wanted: Vec<&Part> = part.into_iter().collect();

@@ -1,4 +1,4 @@
-//! Where an update's time goes, for `mcpo-run bench`.
+//! Measures where an update's time goes, for `mcpo-run bench`.
 
 use std::time::Instant;
 

@@ -1,4 +1,4 @@
-//! The tolerance d, as a number or as a share of what doing nothing has.
+//! The tolerance d, as a number or as a share of the MMD^2 of doing nothing.
 
 use std::fmt;
 
@@ -6,11 +6,12 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer, de, ser::Serialize
 
 use crate::quantity::Positive;
 
-/// How far a policy may be from the demonstration; written `d = 1e-3` or `d = { relative = 0.02 }`.
+/// The greatest distance of a policy from the demonstration; written `d = 1e-3` or
+/// `d = { relative = 0.02 }`.
 ///
-/// MMD^2 has the scale of the demonstration's actions: of the paper's tolerances 1e-2 is half of
-/// what a policy that does nothing has in Walker2d, and twenty times as much in InvertedPendulum. A
-/// share means the same everywhere.
+/// MMD^2 has the scale of the demonstration's actions: of the paper's tolerances, 1e-2 is half of
+/// the MMD^2 of doing nothing in Walker2d, and twenty times as much in InvertedPendulum. A share
+/// means the same everywhere.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Tolerance {
     /// This MMD^2.
@@ -20,7 +21,7 @@ pub enum Tolerance {
 }
 
 impl Tolerance {
-    /// The bound on MMD^2, where that of doing nothing is `of_nothing`.
+    /// The bound on MMD^2; `of_nothing` gives the MMD^2 of doing nothing.
     pub fn bound(self, of_nothing: impl FnOnce() -> f64) -> f64 {
         match self {
             Self::Absolute(d) => d.get(),
@@ -76,7 +77,7 @@ impl<'de> de::Visitor<'de> for Written {
     fn visit_map<A: de::MapAccess<'de>>(self, mut map: A) -> Result<Tolerance, A::Error> {
         match map.next_key::<String>()? {
             Some(key) if key == RELATIVE => {}
-            // A date comes as a map of one private key.
+            // TOML gives a date as a map with one private key.
             Some(key) if key.starts_with("$__") => {
                 return Err(de::Error::invalid_type(de::Unexpected::Map, &self));
             }

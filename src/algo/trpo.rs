@@ -136,6 +136,7 @@ impl OnPolicy for Trpo {
 
         let surrogate = Surrogate::new(&agent.policy, batch, &estimate.advantages, pass);
         let mut g = surrogate.gradient(&agent.policy, pass);
+        // The step minimises, so this is the gradient of the loss.
         g.iter_mut().for_each(|g| *g = -*g);
         watch.lap("gradient");
 

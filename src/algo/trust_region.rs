@@ -2,12 +2,11 @@
 //! the search along a step.
 //!
 //! Owns what the second-order methods share. Knows nothing of where a constraint beside the KL
-//! comes from. Start at
-//! [`Surrogate`].
+//! comes from. Start at [`Surrogate`].
 //!
 //! By default 1,024 samples of a batch, evenly spaced, make the Fisher matrix: products then cost a
-//! fourth of what all 4,096 cost. At the same KL the step gains as much in HalfCheetah and Hopper
-//! and 3 points in 55 less in Ant, whose 111 observations few samples tell least about; the model's
+//! fourth of what all 4,096 cost. At the same KL the step gains as much in HalfCheetah and Hopper,
+//! and 3 points in 55 less in Ant, whose 111 observations few samples tell least about. The model's
 //! KL is 2, 0 and 24 % off, within [`KL_MARGIN`]; and learning does not suffer
 //! (`experiments/studies/shortcuts`, which also says why conjugate gradient neither stops by its
 //! residual nor starts warm).
@@ -39,12 +38,12 @@ pub static PART: Part = Part {
     uses: &[],
 };
 
-/// The line search accepts a real KL up to this multiple of `max_kl`: the quadratic model, whose KL
-/// is `max_kl` itself, is off by some percent either way, and a strict bound would halve every
-/// other good step.
+/// The line search accepts a real KL up to this multiple of `max_kl`.
+/// The step's KL in the quadratic model is `max_kl` itself, which is some percent off either way: a
+/// strict bound would halve every other good step.
 pub const KL_MARGIN: f64 = 1.5;
 
-/// The line search wants at least this share of the gain that the linear model promised.
+/// The line search asks for at least this share of the gain that the linear model promised.
 pub const GAIN_SHARE: f64 = 0.1;
 
 /// The trust region, and how exactly a step in it is found: what second-order methods let a user
@@ -77,8 +76,9 @@ impl Default for TrustRegion {
 
 impl TrustRegion {
     /// Minimises `g.x` (`g` `[policy's dim]`) in the trust region around `policy`, as far as
-    /// `constraint` allows. `pass` holds `policy`'s forward pass on `observations`
-    /// (`[observation_dim x n]`); where not all of them enter the Fisher matrix, it is used up.
+    /// `constraint` allows.
+    /// `pass` holds `policy`'s forward pass on `observations` (`[observation_dim x n]`); it is
+    /// overwritten if only some of them enter the Fisher matrix.
     pub fn step(
         &self,
         policy: &GaussianPolicy,
@@ -100,8 +100,8 @@ impl TrustRegion {
         constrained_step(&mut fisher, g, constraint, self.max_kl.get(), self.limits())
     }
 
-    /// The way along which b's constraint (`b` `[policy's dim]`) is met again soonest. `pass` is
-    /// used up.
+    /// The direction along which b's constraint (`b` `[policy's dim]`) is met again soonest. `pass`
+    /// is overwritten.
     pub fn way_back(
         &self,
         policy: &GaussianPolicy,
@@ -120,8 +120,9 @@ impl TrustRegion {
     }
 
     /// Moves `policy` by the first of 1, 1/2, 1/4 ... of `step` that `judge` accepts, in at most
-    /// `line_search_steps` trials. Where all are rejected the policy is as it was, and `None` comes
-    /// back. With `corrections`, a trial that exceeds a constraint is moved back before the step is
+    /// `line_search_steps` trials.
+    /// If all are rejected, the policy is unchanged and the result is `None`.
+    /// With `corrections`, a trial that exceeds a constraint is moved back before the step is
     /// halved, see [`line_search::backtrack_corrected`].
     pub fn improve<V>(
         &self,
@@ -164,22 +165,23 @@ impl TrustRegion {
             }),
             Search::Rejected { reasons } => {
                 tracing::debug!(?reasons, "the line search rejected every trial");
+                // The trials have overwritten the policy.
                 policy.set_parameters(start.as_slice());
                 None
             }
         }
     }
 
-    /// The test that the real KL of `trial` is within the region, by its margin.
+    /// Tests that the real KL of `trial` is within the region, by its margin; with the test's name.
     pub fn holds(&self, trial: &Trial) -> (bool, &'static str) {
         (trial.kl <= KL_MARGIN * self.max_kl.get(), "KL")
     }
 
-    /// The observations that make the Fisher matrix, where not all do.
+    /// The observations of the Fisher matrix; `None` if all are used.
     fn thinned(&self, observations: &DMatrix<f32>) -> Option<DMatrix<f32>> {
         let n = observations.ncols();
         let every = spacing(n, self.fisher_samples.size());
-        // Evenly spaced: neighbours in time say nearly the same.
+        // Evenly spaced, since neighbours in time are nearly the same.
         (every > 1).then(|| {
             observations
                 .columns_with_step(0, n.div_ceil(every), every - 1)
@@ -188,7 +190,7 @@ impl TrustRegion {
     }
 
     fn limits(&self) -> Limits {
-        // Nothing but rounding is left below this.
+        // Below this residual, only rounding is left.
         Limits {
             iterations: self.cg_iterations.size(),
             relative_residual: 1e-10,
@@ -196,7 +198,7 @@ impl TrustRegion {
     }
 }
 
-/// One of so many of `n` samples is taken, so that there are at most `most`.
+/// The least spacing at which at most `most` of `n` samples are taken.
 pub fn spacing(n: usize, most: usize) -> usize {
     n.div_ceil(most).max(1)
 }
@@ -230,17 +232,17 @@ pub(super) fn operations(
 pub struct Attempt<'a> {
     /// The policy.
     pub policy: &'a GaussianPolicy,
-    /// The fraction of the step that leads there.
+    /// The fraction of the step that was taken to it.
     pub fraction: f64,
     /// Whether it can still be corrected.
     pub correctable: bool,
 }
 
-/// How trials that exceed a constraint are corrected.
+/// The correction of trials that exceed a constraint.
 pub struct Corrections<'a> {
-    /// Corrections of one trial, at most.
+    /// The most corrections of one trial.
     pub most: usize,
-    /// The way along which the constraint is met again soonest; asked for once, when it is needed.
+    /// The direction along which the constraint is met again soonest; asked for once, when needed.
     pub way_back: &'a mut dyn FnMut() -> WayBack,
 }
 
@@ -249,14 +251,14 @@ pub struct Corrections<'a> {
 pub struct Improved<V> {
     /// The fraction of the step that was taken.
     pub fraction: f64,
-    /// How often the trial was corrected.
+    /// The number of corrections of the trial.
     pub corrections: usize,
     /// The judge's verdict on it.
     pub verdict: V,
 }
 
 /// The share of the linear model's promise `gain` that a trial at `fraction` of the step must keep;
-/// NaN where it is.
+/// NaN if the promise is.
 pub fn enough(fraction: f64, gain: f64) -> f64 {
     GAIN_SHARE * fraction * gain
 }
@@ -290,8 +292,8 @@ pub fn step_of(solved: &ConstrainedStep) -> Result<&Step, AlgoError> {
     solved.step.as_ref().ok_or(undefined)
 }
 
-/// `L(theta) = mean over the batch of (pi_theta(a|s) / pi_old(a|s)) A(s, a)`, with what the old
-/// policy made of the batch.
+/// The surrogate `L(theta) = mean over the batch of (pi_theta(a|s) / pi_old(a|s)) A(s, a)`, with
+/// the old policy's values on the batch.
 pub struct Surrogate<'a> {
     batch: &'a Batch,
     advantages: &'a [f64],
@@ -355,7 +357,7 @@ impl<'a> Surrogate<'a> {
         gradient
     }
 
-    /// Measures `trial` on the batch; `pass` is used up.
+    /// Measures `trial` on the batch; `pass` is overwritten.
     pub fn measure(&self, trial: &GaussianPolicy, pass: &mut Pass) -> Trial {
         trial.forward(&self.batch.observations, pass);
         let mut ratios = vec![0.0; self.batch.len()];

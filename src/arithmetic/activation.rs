@@ -14,9 +14,9 @@ pub fn tanh_biased(values: &mut [f32], bias: &[f32]) {
     Arch::new().dispatch(Biased { values, bias });
 }
 
-/// Their derivative along a direction: replaces each column x of `values` (`[rows x n]`) by `(x +
-/// bias) (1 - h^2)`, where `bias` is the bias's part of the direction, and h the same column of
-/// `activations` (`[rows x n]`).
+/// The activations' derivative along a direction: replaces each column x of `values` (`[rows x n]`)
+/// by `(x + bias) (1 - h^2)`, where `bias` is the bias's part of the direction, and h the same
+/// column of `activations` (`[rows x n]`).
 pub fn tanh_tangent(values: &mut [f32], bias: &[f32], activations: &[f32]) {
     assert_eq!(
         values.len(),
@@ -30,8 +30,8 @@ pub fn tanh_tangent(values: &mut [f32], bias: &[f32], activations: &[f32]) {
     });
 }
 
-/// The derivative by the layer's sums, from that by its activations: replaces each x of `values` by
-/// `x (1 - h^2)`, where h is the same element of `activations`.
+/// The derivative by the layer's sums, from the one by its activations: replaces each x of `values`
+/// by `x (1 - h^2)`, where h is the same element of `activations`.
 pub fn tanh_cotangent(values: &mut [f32], activations: &[f32]) {
     assert_eq!(
         values.len(),

@@ -12,8 +12,8 @@ use pulp::{Arch, Simd, WithSimd};
 /// Partial sums of a dot product.
 const SUMS: usize = 16;
 
-/// `c = a^T b + beta c`: the dot products of `a`'s columns with `b`'s. Shapes `[k x m] [k x n] [m x
-/// n]`, for m of a few. What was in `c` is ignored where `beta` is zero.
+/// `c = a^T b + beta c`: the dot products of `a`'s columns with `b`'s. Shapes
+/// `[k x m] [k x n] [m x n]`, for a small m. The old content of `c` is ignored if `beta` is zero.
 pub fn product_of_columns(
     a: DMatrixView<'_, f32>,
     b: DMatrixView<'_, f32>,
@@ -37,7 +37,8 @@ impl WithSimd for Dots<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        // As many dot products at once as their sums fit the registers, with room for the numbers.
+        // As many dot products at once as the registers hold sums for, with room left for the
+        // numbers.
         match S::F32_LANES {
             16 => self.all::<S, 1, 4>(simd),
             8 => self.all::<S, 2, 2>(simd),
@@ -97,6 +98,7 @@ impl Dots<'_> {
                 array::from_fn(|j| load(simd, &right[j].0[l])),
             );
         }
+        // The rest is filled up with zeros, which add nothing.
         if !left[0].1.is_empty() {
             let filled = |rest: &[f32]| {
                 let mut block = [0.0; SUMS];

@@ -50,8 +50,8 @@ impl WithSimd for Tanh<'_> {
     }
 }
 
-/// `a b + c`, rounded once where vectors of `S` are: with one lane there is no fused instruction,
-/// and imitating it is slow.
+/// `a b + c`, rounded once if `S` has vectors: with one lane there is no fused instruction, and
+/// imitating it is slow.
 #[inline(always)]
 pub(super) fn mul_add<S: Simd>(a: f32, b: f32, c: f32) -> f32 {
     if S::F32_LANES == 1 {
@@ -64,7 +64,7 @@ pub(super) fn mul_add<S: Simd>(a: f32, b: f32, c: f32) -> f32 {
 /// 1.5 2^23: adding it leaves the nearest integer in the low bits, in every instruction set.
 const SHIFT: f32 = 12_582_912.0;
 
-/// 2^n, for n in -126..=127, from `n + SHIFT`, of which the shift to the left leaves n alone.
+/// 2^n, for n in -126..=127, from `n + SHIFT`: the shift to the left leaves only n.
 #[inline(always)]
 fn power_of_two(shifted: f32) -> f32 {
     f32::from_bits((shifted.to_bits() << 23).wrapping_add(1.0f32.to_bits()))
@@ -77,7 +77,7 @@ pub(super) fn exp2_of<S: Simd>(x: f32) -> f32 {
         reason = "the minimax polynomial's, three units in the last place below ln 2"
     )]
     const SLOPE: f32 = 0.693_147;
-    // Written so that NaN passes.
+    // The comparison is written so that NaN passes through.
     let x = if x > 0.0 { 0.0 } else { x };
     let x = if x < -126.0 { -126.0 } else { x };
     // x = n + f with integer n and |f| <= 1/2, exactly.

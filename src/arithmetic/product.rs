@@ -17,8 +17,8 @@ use std::{array, ops::Range};
 use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut};
 use pulp::{Arch, Simd, WithSimd};
 
-/// `c = a b + beta c`. Shapes `[m x k] [k x n] [m x n]`. What was in `c` is ignored where `beta` is
-/// zero.
+/// `c = a b + beta c`. Shapes `[m x k] [k x n] [m x n]`. The old content of `c` is ignored if
+/// `beta` is zero.
 pub fn product(
     a: DMatrixView<'_, f32>,
     b: DMatrixView<'_, f32>,
@@ -63,9 +63,8 @@ pub fn product_nt(
     });
 }
 
-/// `c = a [b^T 1] + beta c`: beside `a b^T`, in `c`'s last column, the sum of `a`'s columns. Shapes
-/// `[m x k] [n x k]
-/// [m x (n + 1)]`.
+/// `c = a [b^T 1] + beta c`: beside `a b^T`, the last column of `c` is the sum of `a`'s columns.
+/// Shapes `[m x k] [n x k] [m x (n + 1)]`.
 pub fn product_nt_and_sum(
     a: DMatrixView<'_, f32>,
     b: DMatrixView<'_, f32>,
@@ -109,7 +108,7 @@ impl WithSimd for Product<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         // The tile, a column's part of `a` and a number of `b` fill the registers, and the tile has
-        // sums enough to hide a multiplication's latency.
+        // enough sums to hide a multiplication's latency.
         if S::REGISTER_COUNT >= 32 {
             self.tiles::<S, 3, 8>(simd)
         } else {
@@ -119,8 +118,9 @@ impl WithSimd for Product<'_> {
 }
 
 impl Product<'_> {
-    /// Tiles of `V` vectors by `N` columns; at the lower edge of one, maybe partial, vector; at the
-    /// right edge some columns are computed twice.
+    /// Computes tiles of `V` vectors by `N` columns.
+    /// At the lower edge they have one vector, maybe a partial one; at the right edge some columns
+    /// are computed twice.
     #[inline(always)]
     fn tiles<S: Simd, const V: usize, const N: usize>(mut self, simd: S) {
         let (rows, columns) = self.c.shape();
@@ -134,7 +134,7 @@ impl Product<'_> {
         }
     }
 
-    /// The tiles of `height` from `row` on.
+    /// Computes the tiles of `height` from `row` on.
     #[inline(always)]
     fn row_of_tiles<S: Simd, const V: usize, const N: usize>(
         &mut self,
@@ -153,7 +153,7 @@ impl Product<'_> {
         }
     }
 
-    /// The tile at `(row, column)`, of which `height` rows and `width` columns exist.
+    /// Computes the tile at `(row, column)`, of which `height` rows and `width` columns exist.
     #[inline(always)]
     fn tile<S: Simd, const V: usize, const N: usize>(
         &mut self,
@@ -176,7 +176,7 @@ impl Product<'_> {
                     array::from_fn(|j| simd.splat_f32s(numbers[j]))
                 })
             }
-            // At the right edge; past `b` are the ones.
+            // This is at the right edge: the column after `b`'s last is the ones.
             Right::Transposed(b) | Right::TransposedAndOnes(b) => {
                 sums::<S, V, N>(simd, &self.a, &rows, |l| {
                     let numbers = &column_of(b, l)[column..];
@@ -220,13 +220,13 @@ fn sums<S: Simd, const V: usize, const N: usize>(
     sums
 }
 
-/// Column `j`, flat.
+/// Column `j`, as a slice.
 #[inline(always)]
 fn column_of<'a>(matrix: &'a DMatrixView<'_, f32>, j: usize) -> &'a [f32] {
     matrix.column(j).data.into_slice()
 }
 
-/// V vectors, or one that may be partial.
+/// Loads V vectors, or one that may be partial.
 #[inline(always)]
 fn load<S: Simd, const V: usize>(simd: S, numbers: &[f32]) -> [S::f32s; V] {
     if V == 1 {
@@ -237,7 +237,7 @@ fn load<S: Simd, const V: usize>(simd: S, numbers: &[f32]) -> [S::f32s; V] {
     }
 }
 
-/// The same, stored.
+/// Stores V vectors, or one that may be partial.
 #[inline(always)]
 fn store<S: Simd, const V: usize>(simd: S, vectors: [S::f32s; V], numbers: &mut [f32]) {
     if V == 1 {

@@ -1,8 +1,8 @@
 //! Threads that share the work of one run.
 //!
-//! How many there are belongs to the process and not to what is computed: whoever shares work cuts
-//! it in the same pieces, and adds in the same order, for any number of them. A test trains with
-//! several and compares bits.
+//! The number of threads belongs to the process and not to what is computed: whoever shares work
+//! cuts it into the same pieces, and adds in the same order, for any number of them. A test trains
+//! with several and compares bits.
 
 use std::{
     sync::{
@@ -14,13 +14,12 @@ use std::{
 
 static COUNT: AtomicUsize = AtomicUsize::new(1);
 
-/// Lets everything that is computed in this process from now on share `count` threads, one at
-/// least.
+/// Lets everything that this process computes from now on share `count` threads, at least one.
 pub fn set(count: usize) {
     COUNT.store(count.max(1), Ordering::Relaxed);
 }
 
-/// How many threads may share a piece of work; 1 until [`set`] says otherwise.
+/// The number of threads that may share a piece of work; 1 until [`set`] says otherwise.
 pub fn count() -> usize {
     COUNT.load(Ordering::Relaxed)
 }
@@ -51,7 +50,7 @@ pub fn share<R: Send, I: Send>(
     });
 }
 
-/// Something that threads change one after the other, in the order of their numbers, whoever is
+/// A value that threads change one after the other, in the order of their numbers, whichever is
 /// ready first.
 pub struct InOrder<T> {
     state: Mutex<State<T>>,
@@ -72,8 +71,9 @@ impl<T> InOrder<T> {
         }
     }
 
-    /// Makes what number `number` has to add, waits for its turn, and adds it; gives what is left.
-    /// Panics when another thread panicked before its turn.
+    /// Makes the contribution of number `number`, waits for its turn, and adds it; returns the
+    /// rest.
+    /// Panics if another thread panicked before its turn.
     pub fn in_turn<M, L>(
         &self,
         number: usize,
@@ -103,7 +103,7 @@ impl<T> InOrder<T> {
     }
 }
 
-/// Wakes those who wait for a thread that panicked, so that they do not wait for ever.
+/// Wakes the threads that wait for one that panicked, so that they do not wait forever.
 struct Alarm<'a, T>(&'a InOrder<T>);
 
 impl<T> Drop for Alarm<'_, T> {

@@ -1,4 +1,4 @@
-//! Time that passed, and time that this process worked.
+//! Wall-clock time, and the time that this process worked.
 
 use std::{ops::AddAssign, time::Instant};
 
@@ -7,9 +7,9 @@ use rustix::time::{ClockId, clock_gettime};
 /// Seconds by two clocks.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Seconds {
-    /// By the wall's.
+    /// Seconds by the wall clock.
     pub wall: f64,
-    /// On a core, all threads together: other work on the machine does not stretch it.
+    /// Seconds on a core, all threads together: other work on the machine does not stretch them.
     pub cpu: f64,
 }
 

@@ -1,12 +1,11 @@
 //! How fast training is, and how fast this core could do it.
 //!
 //! Owns the measuring of a few iterations and the floor under them: the physics alone on the same
-//! steps, and the
-//! [operations] of the networks' passes at the rate of the best product. Knows nothing of how this is shown. Start
-//! at [`measure`].
+//! steps, and the [operations] of the networks' passes at the rate of the best product. Knows
+//! nothing of how this is shown. Start at [`measure`].
 //!
 //! Ratios are taken by CPU time, which other work on the machine does not stretch (it still takes
-//! caches and clock rate away); on an idle machine the wall's says the same.
+//! caches and clock rate away); on an idle machine the wall clock says the same.
 
 mod clock;
 mod rate;
@@ -28,7 +27,7 @@ use crate::{
 use clock::{Seconds, timed};
 pub use rate::Rate;
 
-/// Why there is nothing to show.
+/// Errors of a measurement.
 #[derive(Debug, thiserror::Error)]
 pub enum BenchError {
     /// Training failed.
@@ -57,13 +56,13 @@ pub struct Measured {
     pub algorithm: &'static str,
     /// The sizes that decide how much there is to do.
     pub shapes: Shapes,
-    /// Iterations, the one before the clock not among them.
+    /// The measured iterations, without the first one, which warms up.
     pub iterations: u64,
-    /// Environment steps of these.
+    /// Environment steps of these iterations.
     pub env_steps: u64,
-    /// Seconds of these by the wall's clock, recording included.
+    /// Seconds of these iterations by the wall clock, recording included.
     pub seconds: f64,
-    /// Seconds of these on the core.
+    /// CPU seconds of these iterations.
     pub cpu_seconds: f64,
     /// Environment steps a second.
     pub steps_per_s: f64,
@@ -73,12 +72,12 @@ pub struct Measured {
     pub floor_ratio: f64,
     /// Where `seconds` went.
     pub phases: Parts,
-    /// How fast it could be.
+    /// The fastest that it could be.
     pub floor: Floor,
-    /// How often each case of the dual was met, where there is one.
+    /// How often each case of the dual occurred; empty without a dual.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub cases: BTreeMap<String, u64>,
-    /// Products of conjugate gradient, where there are any.
+    /// Products of conjugate gradient; absent if there are none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cg_iterations: Option<u64>,
     /// The processor's [class](record::cpu_class).
@@ -113,7 +112,7 @@ impl Parts {
         }
     }
 
-    /// Names and numbers.
+    /// The names and numbers, in order.
     pub fn iter(&self) -> impl Iterator<Item = (&str, f64)> {
         self.0.iter().map(|(name, number)| (name.as_str(), *number))
     }
@@ -131,8 +130,7 @@ impl Serialize for Parts {
 }
 
 /// Trains as `spec` says for one iteration to warm up and `iterations` more, on one core.
-/// Evaluations are left out; of recording, which is a checkpoint now and then, the checkpoint's
-/// share counts.
+/// Evaluations are left out. Recording counts with the checkpoint's share of the time.
 ///
 /// # Errors
 ///
@@ -144,6 +142,7 @@ pub fn measure(spec: &RunSpec, iterations: u64) -> Result<Measured, BenchError> 
     };
     let shapes = shapes(spec, algorithm.as_ref())?;
     let mut rollout = Rollout::new(build::tasks(spec, shapes.environments)?, spec.seed);
+    // The floor has environments of its own, so that its replay does not disturb the rollout.
     let mut bare = Rollout::new(build::tasks(spec, shapes.environments)?, spec.seed);
     let mut updates = spec.seed.stream(Stream::Update, 0);
     let (mut spent, mut physics, mut rate) =
@@ -199,6 +198,7 @@ pub fn measure(spec: &RunSpec, iterations: u64) -> Result<Measured, BenchError> 
 
     let checkpoint = checkpoint_seconds(algorithm.as_ref(), &rollout)?;
     let every = spec.checkpoint.every_seconds.get();
+    // One checkpoint is written in each interval, so this is its share of the time.
     let recording = Seconds {
         wall: checkpoint.wall * spent.wall / every,
         cpu: checkpoint.cpu * spent.cpu / every,

@@ -15,10 +15,10 @@ const SHAPES: [(usize, usize, usize); 4] = [
     (384, 384, 384),
 ];
 
-/// CPU seconds of one timing; the best of many counts.
+/// CPU seconds of one timing; the best of many timings counts.
 const LEAST: f64 = 2e-3;
 
-/// How `c = a b` is computed, with `b^T` at hand.
+/// A kernel that computes `c = a b`, with `b^T` at hand.
 type Kernel =
     fn(a: &DMatrix<f32>, b: &DMatrix<f32>, b_transposed: &DMatrix<f32>, c: &mut DMatrix<f32>);
 

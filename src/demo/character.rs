@@ -1,5 +1,5 @@
-//! What a demonstration is like beside its return: the numbers that say how tight a tolerance on
-//! MMD^2 to it is.
+//! The character of a demonstration beside its return: the numbers that show how tight a tolerance
+//! on MMD^2 to it is.
 //!
 //! Owns how strong its actions are, how far doing nothing is from it, and the points that MMD^2 is
 //! measured between. Start at [`Demonstration::mmd_of_doing_nothing`].
@@ -9,14 +9,15 @@ use nalgebra::DMatrix;
 use super::{Bandwidth, Demonstration, Estimator, Kernel, Standardizer, mmd::Target};
 
 impl Demonstration {
-    /// The root of the mean square of the numbers of its actions, in units of the action.
+    /// The root mean square of the numbers of its actions, in units of the action.
     pub fn action_rms(&self) -> f64 {
         (self.actions.norm_squared() / self.actions.len() as f64).sqrt()
     }
 
     /// MMD^2 between the demonstration and the policy that does nothing, whose action is 0 at each
-    /// of the demonstration's states: in `demo_states`, D of a policy that has learned nothing, and
-    /// so the scale of a tolerance d.
+    /// of the demonstration's states.
+    /// In `demo_states` this is the D of a policy that has learned nothing, and so the scale of a
+    /// tolerance d.
     pub fn mmd_of_doing_nothing(&self, bandwidth: Bandwidth, estimator: Estimator) -> f64 {
         let states = Standardizer::new(&self.observations).standardize(&self.observations);
         let points = stack(&states, &self.actions.map(|action| action as f32));
@@ -26,7 +27,7 @@ impl Demonstration {
     }
 }
 
-/// States above actions: the points between which the kernel measures, one a column.
+/// States above actions, one column a sample: the points that the kernel compares.
 pub fn stack(states: &DMatrix<f32>, actions: &DMatrix<f32>) -> DMatrix<f32> {
     let mut points = DMatrix::zeros(states.nrows() + actions.nrows(), states.ncols());
     points.rows_mut(0, states.nrows()).copy_from(states);

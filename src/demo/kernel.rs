@@ -27,10 +27,10 @@ impl Kernel {
     /// The kernel of `bandwidth` for the demonstration's `points` (`[dim x m]`, one column a
     /// point).
     ///
-    /// [`Bandwidth::Median`] is the median heuristic (Gretton et al., 2012): sigma is the median distance between two
-    /// points. It looks at no more than [`MEDIAN_POINTS`] points, evenly spaced in the
-    /// demonstration's order, so that a long demonstration costs no more. Distances of 0 do not
-    /// count; where there is no other, sigma is 1.
+    /// [`Bandwidth::Median`] is the median heuristic (Gretton et al., 2012): sigma is the median
+    /// distance between two points. It looks at no more than [`MEDIAN_POINTS`] points, evenly
+    /// spaced in the demonstration's order, so that a long demonstration costs no more. Distances
+    /// of 0 do not count; if there is no other, sigma is 1.
     pub fn new(bandwidth: Bandwidth, points: &DMatrix<f32>) -> Self {
         let sigma = match bandwidth {
             Bandwidth::Fixed(sigma) => sigma.get(),

@@ -6,8 +6,8 @@
 //!
 //! Kernel values are f32 with a relative error below 1e-5 for points of squared norm below 50
 //! (about the demonstration's mean); their sums are f64 of at most 16 in f32, in a fixed order.
-//! Memory is one block of kernel values beside the points, whatever their number. The work is `n (n
-//! / 2 + m)` kernel values.
+//! Memory is one block of kernel values beside the points, whatever their number. The work is
+//! `n (n / 2 + m)` kernel values.
 
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
@@ -29,13 +29,13 @@ pub enum Estimator {
 }
 
 impl Estimator {
-    /// How many pairs of `n` points count. A single point has no other, so it counts with itself
-    /// under both.
+    /// The number of pairs of `n` points that count. A single point has no other, so it counts with
+    /// itself under both.
     fn pairs(self, n: usize) -> f64 {
         n as f64 * self.partners(n)
     }
 
-    /// How many partners each of `n` points has.
+    /// The number of partners of each of `n` points.
     fn partners(self, n: usize) -> f64 {
         if self.counts_itself(n) {
             n as f64
@@ -49,19 +49,19 @@ impl Estimator {
         self == Self::V || n == 1
     }
 
-    /// The mean kernel value over pairs, from the sum over pairs of different points.
+    /// The mean kernel value over pairs, given the sum over pairs of different points.
     fn self_similarity(self, off_diagonal: f64, n: usize) -> f64 {
         let own = if self.counts_itself(n) { n as f64 } else { 0.0 };
         (off_diagonal + own) / self.pairs(n)
     }
 }
 
-/// The demonstration's side of the MMD: its points and their mean kernel value, which stay while
-/// the policy's change.
+/// The demonstration's side of the MMD: its points and their mean kernel value, which stay fixed
+/// while the policy's points change.
 #[derive(Debug, Clone)]
 pub struct Target {
     points: Points,
-    /// The points' mean, which both sides are moved by.
+    /// The points' mean, which is subtracted from both sides.
     centre: DVector<f32>,
     kernel: Kernel,
     estimator: Estimator,
@@ -69,15 +69,15 @@ pub struct Target {
     self_similarity: f64,
 }
 
-/// What a pass over all pairs adds up for each sample.
+/// The sums of a pass over all pairs, for each sample.
 struct Sums {
-    /// Kernel values to the other samples `[n]`.
+    /// The sum of kernel values to the other samples `[n]`.
     to_samples: Vec<f64>,
-    /// Kernel values to the target's points `[n]`.
+    /// The sum of kernel values to the target's points `[n]`.
     to_target: Vec<f64>,
 }
 
-/// For each sample the sum of other points, in their own scale, weighted by their kernel value
+/// For each sample the sum of the other points, in their own scale, weighted by their kernel values
 /// `[dim x n]`.
 struct WeightedSums {
     of_samples: DMatrix<f32>,
@@ -113,12 +113,12 @@ impl Target {
         }
     }
 
-    /// Numbers of a point.
+    /// The number of coordinates of a point.
     pub fn dim(&self) -> usize {
         self.centre.len()
     }
 
-    /// MMD^2 between `samples` (`[dim x n]`, at least one) and the target. NaN where a sample is.
+    /// MMD^2 between `samples` (`[dim x n]`, at least one) and the target. NaN if a sample is.
     pub fn mmd_squared(&self, samples: &DMatrix<f32>) -> f64 {
         let samples = Points::new(samples, &self.centre, self.kernel);
         self.value(&self.pass(&samples, None))
@@ -187,7 +187,7 @@ impl Target {
         self.value(&sums)
     }
 
-    /// Every pair once; `weighted` too where the gradient is wanted.
+    /// Visits every pair once; fills `weighted` too, for the gradient.
     fn pass(&self, samples: &Points, mut weighted: Option<&mut WeightedSums>) -> Sums {
         assert!(samples.len() > 0, "the MMD needs at least one sample");
         let n = samples.len();
@@ -236,7 +236,8 @@ impl Target {
             .self_similarity(sums.to_samples.iter().sum(), n);
         let cross = sums.to_target.iter().sum::<f64>() / (n as f64 * self.points.len() as f64);
         let value = samples - 2.0 * cross + self.self_similarity;
-        // The V-statistic is a squared norm: below 0 it is rounding. (`max` would hide a NaN.)
+        // The V-statistic is a squared norm, so a value below 0 is rounding. (`max` would hide a
+        // NaN.)
         if self.estimator == Estimator::V && value < 0.0 {
             0.0
         } else {

@@ -51,12 +51,12 @@ pub struct Demonstration {
 }
 
 impl Demonstration {
-    /// How many steps there are.
+    /// The number of steps.
     pub fn len(&self) -> usize {
         self.observations.ncols()
     }
 
-    /// Whether there is no step; no demonstration that was read is empty.
+    /// Whether it has no steps; no demonstration that was read is empty.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -88,7 +88,7 @@ impl Demonstration {
             .collect()
     }
 
-    /// The environment that the file names as its own, in the words of whoever wrote it.
+    /// The name of its environment in the file, as its writer spelled it.
     fn label(&self) -> Option<&str> {
         const KEYS: [&str; 4] = ["env", "environment", "env_name", "env_id"];
         let label = |key: &&str| self.provenance.iter().find(|(name, _)| name == key);
@@ -96,12 +96,13 @@ impl Demonstration {
     }
 
     /// Checks that observations, actions and poses have the lengths that `env` needs, and that they
-    /// are not another environment's: by the file's word, and by how they move where another one
-    /// has the same lengths.
+    /// are not another environment's.
+    /// That would show in the file's label, or, where another environment has the same lengths, in
+    /// how they move.
     ///
     /// # Errors
     ///
-    /// They do not or are (the message names `path`), or the physics engine refuses a model.
+    /// They do not fit (the message names `path`), or the physics engine refuses a model.
     pub fn check(&self, path: &Path, env: EnvId) -> Result<(), DemoError> {
         let failed = |source| DemoError::Environment {
             path: path.to_owned(),
@@ -153,6 +154,7 @@ impl Demonstration {
                 )));
             }
         }
+        // HalfCheetah and Walker2d have the same lengths, so only motion tells them apart.
         match motion::mover(self, env).map_err(failed)? {
             Mover::Other(other) => Err(misfit(format!(
                 "its observations move like those of {other}"
@@ -173,7 +175,7 @@ impl Demonstration {
         Ok(demonstration)
     }
 
-    /// What makes this no demonstration, if anything does.
+    /// The reason why this is no demonstration; `None` if it is one.
     fn flaw(&self) -> Option<String> {
         let n = self.len();
         if n == 0 {
@@ -246,7 +248,7 @@ impl Demonstration {
     }
 }
 
-/// What can go wrong with a demonstration; the message names the file.
+/// Errors of demonstrations; the message names the file.
 #[derive(Debug, thiserror::Error)]
 pub enum DemoError {
     /// The file cannot be opened or read.
@@ -254,7 +256,7 @@ pub enum DemoError {
     Unreadable {
         /// The file.
         path: PathBuf,
-        /// What the reader said.
+        /// The reader's error.
         reason: String,
     },
     /// The file cannot be written.
@@ -262,7 +264,7 @@ pub enum DemoError {
     Unwritable {
         /// The file.
         path: PathBuf,
-        /// What the writer said.
+        /// The writer's error.
         reason: String,
     },
     /// The file is readable but not a demonstration of this environment.
@@ -272,10 +274,10 @@ pub enum DemoError {
         path: PathBuf,
         /// The environment.
         env: EnvId,
-        /// What does not fit.
+        /// The mismatch.
         reason: String,
     },
-    /// It has no poses.
+    /// The demonstration has no poses.
     #[error("cannot replay the demonstration {}: without the columns `qpos` and `qvel` there is no state to start from", .0.display())]
     NoPoses(PathBuf),
     /// The environment failed while it was replayed.
@@ -283,7 +285,7 @@ pub enum DemoError {
     Environment {
         /// The file.
         path: PathBuf,
-        /// What the environment said.
+        /// The environment's error.
         source: EnvError,
     },
 }

@@ -8,48 +8,50 @@
 use super::Demonstration;
 use crate::env::{EnvError, EnvId};
 
-/// A step that moves its positions by less than this (metres and radians, in all) tells nothing.
+/// A step whose positions change by less than this (metres and radians, summed) tells nothing.
 const STILL: f64 = 1e-3;
-/// The fewest steps that tell whose motion it is.
+/// The fewest steps that show whose motion it is.
 const FEWEST: usize = 10;
-/// The most steps that are replayed to tell whose motion it is.
+/// The most steps that are replayed to find whose motion it is.
 const MOST: usize = 200;
-/// Where the physics leaves more than this share of half of the steps unexplained, they are
-/// another's. The authors' demonstrations, of an older engine and with clipped observations, have
-/// 0.11 at most; HalfCheetah's steps have 0.95 and more in Walker2d, and Walker2d's 8 in
-/// HalfCheetah.
+/// If the physics leaves more than this share unexplained in half of the steps, they are another
+/// environment's.
+/// The authors' demonstrations, of an older engine and with clipped observations, have 0.11 at
+/// most.
+/// HalfCheetah's steps have 0.95 and more in Walker2d, and Walker2d's 8 in HalfCheetah.
 const FOREIGN: f64 = 0.5;
-/// What no step of an episode leaves unexplained (metres and radians, in all): 0.12 is the most of
-/// the authors' files where it is nearly all of the step. Where two episodes are joined it is 0.23
-/// and more.
+/// A step that leaves more than this unexplained (metres and radians, summed) may be a jump.
+/// The most within an episode is 0.12 in the authors' files, counting steps of which nearly all is
+/// unexplained.
+/// Where two episodes are joined it is 0.23 and more.
 const JUMP: f64 = 0.2;
-/// The share of a jump that the physics leaves unexplained: nearly all, since it has nothing to do
-/// with the step before.
+/// The share of a jump that the physics leaves unexplained: nearly all, since a jump has nothing to
+/// do with the step before.
 const NEARLY_ALL: f64 = 0.8;
 
-/// One step's positions against the physics.
+/// One step's change of positions compared with the physics.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Motion {
     /// The step after which the positions are compared.
     step: usize,
-    /// The sum of the magnitudes of the changes that were recorded.
+    /// The sum of the magnitudes of the recorded changes.
     recorded: f64,
-    /// The sum of the magnitudes of what the replay does not explain of them.
+    /// The sum of the magnitudes of the differences from the replay.
     unexplained: f64,
 }
 
-/// Whose motion a demonstration shows.
+/// The environment whose motion a demonstration shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Mover {
-    /// The environment's, or there are too few steps to tell.
+    /// Its own environment, or there are too few steps to tell.
     Own,
-    /// That of another environment with observations and actions of the same lengths.
+    /// Another environment, whose observations and actions have the same lengths.
     Other(EnvId),
-    /// None that is known: the observations are not raw, or of another robot.
+    /// None that is known: the observations are not raw, or are another robot's.
     Unknown,
 }
 
-/// Whose motion `demonstration`, whose shapes fit `env`, shows.
+/// Finds whose motion `demonstration` shows; its shapes must fit `env`.
 ///
 /// # Errors
 ///
@@ -70,7 +72,7 @@ pub(super) fn mover(demonstration: &Demonstration, env: EnvId) -> Result<Mover, 
     Ok(Mover::Unknown)
 }
 
-/// Whether half of the steps that tell anything are not as `env` moves.
+/// Whether half of the steps that tell anything do not move as `env` does.
 fn is_foreign(demonstration: &Demonstration, env: EnvId) -> Result<bool, EnvError> {
     let motions = motions(demonstration, env, MOST)?;
     let moving = motions.iter().filter(|motion| motion.recorded > STILL);
@@ -81,8 +83,8 @@ fn is_foreign(demonstration: &Demonstration, env: EnvId) -> Result<bool, EnvErro
     Ok(shares.len() >= FEWEST && shares[shares.len() / 2] > FOREIGN)
 }
 
-/// The steps after which the observation jumps as no physics does, though the episode goes on; none
-/// where most steps do, whose observations are not of `env` at all.
+/// The steps after which the observation jumps as no physics does, though the episode goes on.
+/// None if most steps jump: the observations are then not of `env` at all.
 ///
 /// # Errors
 ///
@@ -100,12 +102,13 @@ pub(super) fn jumps(demonstration: &Demonstration, env: EnvId) -> Result<Vec<usi
     })
 }
 
-/// How the positions move from step to step within each episode, for the first `most` steps;
-/// nothing of an environment whose observations do not hold a pose.
+/// The motion from step to step within each episode, for the first `most` steps; empty for an
+/// environment whose observations do not hold a pose.
+/// The shapes must be those of `env`.
 ///
 /// # Errors
 ///
-/// The physics engine refuses the model. The shapes must be those of `env`.
+/// The physics engine refuses the model.
 fn motions(
     demonstration: &Demonstration,
     env: EnvId,
@@ -126,7 +129,7 @@ fn motions(
             break;
         };
         environment.set_pose(&pose, &mut after)?;
-        // Numbers that the physics cannot bear are no motion of this environment.
+        // A pose that the physics refuses is no motion of this environment.
         let replayed = environment
             .step(demonstration.actions.column(step).as_slice(), &mut after)
             .is_ok();

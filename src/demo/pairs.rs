@@ -17,17 +17,18 @@ use crate::arithmetic::{exp2_nonpositive, product::product};
 /// kernel values (225 KiB) stays in a core's own cache.
 const BLOCK: usize = 240;
 
-/// How many kernel values are added in f32, each sum from zero, before they are added in f64: as
-/// many terms round by no more than a kernel value itself does.
+/// How many kernel values are added in f32, starting from zero, before their sum is added in f64.
+/// The rounding of so few terms is no greater than a kernel value's own.
 const GROUP: usize = 16;
 
 /// A squared distance below this share of `|x|^2 + |y|^2` has lost digits to cancellation (about
-/// `4e-7 (|x|^2 + |y|^2)` absolute), so it is computed again from the differences. What is left has
-/// a relative error below 1e-4.
+/// `4e-7 (|x|^2 + |y|^2)` absolute), so it is computed again from the differences.
+/// The other distances have a relative error below 1e-4.
 const CLOSE: f32 = 0.01;
 
-/// Points, one a column, moved so that a common centre is at 0, which keeps norms and so
-/// cancellation small, and scaled so that their kernel is `2^(-|x - y|^2 / 2)`.
+/// Points, one a column, moved and scaled.
+/// Moving a common centre to 0 keeps norms small, and so cancellation.
+/// The scale is such that their kernel is `2^(-|x - y|^2 / 2)`.
 #[derive(Debug, Clone)]
 pub(super) struct Points {
     /// For each point x: x, 1, and `-|x|^2 / 2` `[(dim + 2) x n]`.
@@ -35,12 +36,12 @@ pub(super) struct Points {
     /// For each point x: x, `-|x|^2 / 2`, and 1 `[n x (dim + 2)]`; times [`columns`](Self::columns)
     /// it gives exponents.
     rows: DMatrix<f32>,
-    /// How far the points were stretched.
+    /// The factor that the points were scaled by.
     scale: f64,
 }
 
 impl Points {
-    /// `points` (`[dim x n]`) less `centre` (`[dim]`), for `kernel`.
+    /// The points of `points` (`[dim x n]`), moved by `centre` (`[dim]`) and scaled for `kernel`.
     pub(super) fn new(points: &DMatrix<f32>, centre: &DVector<f32>, kernel: Kernel) -> Self {
         assert_eq!(
             points.nrows(),
@@ -68,17 +69,17 @@ impl Points {
         }
     }
 
-    /// How many there are.
+    /// The number of points.
     pub(super) fn len(&self) -> usize {
         self.columns.ncols()
     }
 
-    /// Numbers of a point.
+    /// The number of coordinates of a point.
     pub(super) fn dim(&self) -> usize {
         self.columns.nrows() - 2
     }
 
-    /// How far the points were stretched, along each axis.
+    /// The factor that the points were scaled by, along each axis.
     pub(super) fn scale(&self) -> f64 {
         self.scale
     }
@@ -89,7 +90,7 @@ impl Points {
             .view((0, range.start), (self.dim(), range.len()))
     }
 
-    /// Point `i`, as numbers.
+    /// The coordinates of point `i`.
     fn point(&self, i: usize) -> &[f32] {
         let (dim, height) = (self.dim(), self.columns.nrows());
         &self.columns.as_slice()[i * height..i * height + dim]
@@ -102,12 +103,11 @@ impl Points {
     }
 }
 
-/// The kernel's values between some points of one set, one a row, and some of another, one a
-/// column.
+/// The kernel values between some points of one set, one a row, and some of another, one a column.
 pub(super) struct Block<'a> {
-    /// Which points the rows are.
+    /// The points of the rows.
     pub(super) rows: Range<usize>,
-    /// Which points the columns are.
+    /// The points of the columns.
     pub(super) columns: Range<usize>,
     /// The values `[rows x columns]`.
     pub(super) values: DMatrixView<'a, f32>,
@@ -167,9 +167,9 @@ pub(super) fn between(rows: &Points, columns: &Points, mut visit: impl FnMut(Blo
 
 /// Visits the kernel's values between every two points of `points`, in a fixed order.
 ///
-/// A block off the diagonal comes once and stands for its transpose too. A block on the diagonal
-/// comes whole, with 0 for each point's value with itself: that value is 1 and has no gradient, and
-/// what it counts for is the estimator's affair.
+/// A block off the diagonal is visited once and stands for its transpose too. A block on the
+/// diagonal is visited whole, with 0 for each point's value with itself: that value is 1, has no
+/// gradient, and counts as the estimator decides.
 pub(super) fn within(points: &Points, mut visit: impl FnMut(Block<'_>)) {
     let mut buffer = vec![0.0; BLOCK * BLOCK];
     for j in blocks(points.len()) {
@@ -197,7 +197,7 @@ fn blocks(n: usize) -> impl Iterator<Item = Range<usize>> {
         .map(move |start| start..n.min(start + BLOCK))
 }
 
-/// One block of kernel values, in `buffer`.
+/// Computes one block of kernel values in `buffer`.
 fn block<'a>(
     x: &Points,
     rows: Range<usize>,
@@ -229,8 +229,7 @@ fn block<'a>(
     }
 }
 
-/// Computes those of the exponents of some points of `x` with point `j` of `y` again that have lost
-/// digits.
+/// Recomputes the exponents between `rows` of `x` and point `j` of `y` that have lost digits.
 #[inline(always)]
 fn correct(x: &Points, rows: Range<usize>, y: &Points, j: usize, exponents: &mut [f32]) {
     let (norms, norm) = (x.norms(rows.clone()), y.norms(j..j + 1)[0]);
@@ -255,7 +254,7 @@ pub(super) fn squared_distance(x: &[f32], y: &[f32]) -> f32 {
     x.iter().zip(y).map(|(a, b)| (a - b) * (a - b)).sum()
 }
 
-/// The sum of one column of a block, always in the same order: each [`GROUP`]th value in f32, at
+/// The sum of one column of a block, always in the same order: every [`GROUP`]th value in f32, at
 /// most `BLOCK / GROUP` of them, and those sums in f64.
 #[inline(always)]
 fn column_sum(values: &[f32]) -> f64 {

@@ -81,7 +81,7 @@ impl Demonstration {
         from_bytes(bytes).map_err(failed)
     }
 
-    /// The BLAKE3 digest of the file `path`, whatever it holds.
+    /// The BLAKE3 digest of the file `path`, whatever its content.
     ///
     /// # Errors
     ///
@@ -94,7 +94,7 @@ impl Demonstration {
         Ok(blake3::hash(&bytes).to_hex().to_string())
     }
 
-    /// One row a step.
+    /// The demonstration as a table, one row a step.
     pub(super) fn to_frame(&self) -> Result<DataFrame, polars::error::PolarsError> {
         let (mut episodes, mut steps) = (
             Vec::with_capacity(self.len()),
@@ -166,12 +166,12 @@ fn lists<'a>(name: &str, width: usize, n: usize, rows: impl Iterator<Item = &'a 
     builder.finish().into_column()
 }
 
-/// The whole file, if it is not too large.
+/// The content of the file, unless that is too large.
 pub(super) fn read_bounded(path: &Path) -> Result<Vec<u8>, String> {
     intake::read(path, Links::Follow, MAX_BYTES).map_err(|error| error.to_string())
 }
 
-/// The demonstration that a file holds.
+/// The demonstration in the content of a file.
 pub(super) fn from_bytes(file: Vec<u8>) -> Result<Demonstration, String> {
     let table = Table::new(file)?;
     if table.rows() == 0 {
@@ -200,7 +200,7 @@ pub(super) fn from_bytes(file: Vec<u8>) -> Result<Demonstration, String> {
     }
 }
 
-/// Where episodes start: where `steps` is 0 and `episodes` rises.
+/// The first steps of episodes: where `steps` is 0 and `episodes` rises.
 fn episode_starts(episodes: &[i64], steps: &[i64]) -> Result<Vec<usize>, String> {
     let mut starts = Vec::new();
     for (row, (&episode, &step)) in episodes.iter().zip(steps).enumerate() {

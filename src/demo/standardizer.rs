@@ -1,13 +1,13 @@
-//! Observations in units of a demonstration: the coordinates in which the kernel's distances are
-//! measured.
+//! Observations in units of a demonstration: the coordinates in which the kernel measures
+//! distances.
 
 use nalgebra::DMatrix;
 
-/// Takes the mean of a demonstration's observations away and divides by their standard deviation;
-/// clips far beyond where the kernel is 0, so that no distance overflows.
+/// Subtracts the mean of a demonstration's observations and divides by their standard deviation.
+/// Clips far beyond where the kernel is 0, so that no distance overflows.
 ///
-/// It is fixed with the demonstration: a distance whose unit followed the agent could not be held
-/// to a tolerance. An agent that stands still has seen next to no variation, in units of which the
+/// It is fixed by the demonstration: a distance whose unit followed the agent could not be held to
+/// a tolerance. An agent that stands still has seen next to no variation. In units of that, the
 /// demonstration's states lie so far apart that the kernel sees each of them alone, and MMD^2 stays
 /// below 2/m whatever the policy does at them.
 #[derive(Debug, Clone, PartialEq)]
@@ -19,15 +19,15 @@ pub struct Standardizer {
 impl Standardizer {
     const CLIP: f64 = 1e3;
 
-    /// In units of `observations` (`[dim x m]`). A number that never varies there keeps its own
-    /// unit (as scikit-learn's `StandardScaler` has it).
+    /// A standardizer in units of `observations` (`[dim x m]`). A number that never varies there
+    /// keeps its own unit (as in scikit-learn's `StandardScaler`).
     pub fn new(observations: &DMatrix<f64>) -> Self {
         let m = observations.ncols().max(1) as f64;
         let (mut mean, mut scale) = (Vec::new(), Vec::new());
         for row in observations.row_iter() {
             let centre = row.iter().sum::<f64>() / m;
             let std = (row.iter().map(|x| (x - centre).powi(2)).sum::<f64>() / m).sqrt();
-            // What is left of a constant is the rounding of its mean.
+            // The deviation of a constant is only the rounding of its mean.
             let varies = std > 1e-12 * centre.abs().max(1.0);
             mean.push(centre);
             scale.push(if varies { 1.0 / std } else { 1.0 });

@@ -9,27 +9,29 @@ use std::path::Path;
 use super::{DemoError, Demonstration};
 use crate::env::{EnvId, EpisodeEnd, Reward, Task, Version};
 
-/// The greatest deviations of a replay from the demonstration. An infinity stands for a replay that
-/// is not finite.
+/// The greatest deviations of a replay from the demonstration; infinite if the replay is not
+/// finite.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Deviation {
-    /// Of an observation's number.
+    /// The deviation of an observation's number.
     pub observation: f64,
-    /// Of a reward; absent where the demonstration has none.
+    /// The deviation of a reward; absent if the demonstration has none.
     pub reward: Option<f64>,
-    /// Steps whose end differs. A time limit shorter than the environment's own is no difference:
-    /// it is the recorder's choice. What follows a difference in its episode is not compared.
+    /// The number of steps whose end differs.
+    /// A time limit shorter than the environment's own is no difference: it is the recorder's
+    /// choice.
+    /// The rest of an episode after a difference is not compared.
     pub ends: usize,
 }
 
-/// A number of a step.
+/// The place of a number in a demonstration.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct At {
-    /// Counted from 0, as in the file's column.
+    /// The episode, counted from 0, as in the file's column.
     pub episode: usize,
-    /// Within the episode, from 0.
+    /// The step within the episode, from 0.
     pub step: usize,
-    /// Within the observation, from 0; 0 of a reward or an end.
+    /// The place within the observation, from 0; 0 for a reward or an end.
     pub number: usize,
 }
 
@@ -44,13 +46,13 @@ pub struct Replay {
     pub reward_at: At,
     /// Where an episode first ends otherwise.
     pub end_at: Option<At>,
-    /// What the rewards that deviate lack, if all of them are those of steps that terminate and
+    /// The amount that the deviating rewards lack, if all of them are of steps that terminate and
     /// lack the same.
     lacking_at_the_end: Option<f64>,
 }
 
 impl Replay {
-    /// Which version of Gymnasium's environment would deviate as this does, and how it differs.
+    /// The version of Gymnasium's environment that would deviate as this does, and how it differs.
     pub fn version(&self, env: EnvId, tolerance: &Tolerance) -> Option<(u32, &'static str)> {
         let is_meant = |version: &&Version| {
             let lacks = |bonus: f64| {
@@ -65,19 +67,20 @@ impl Replay {
     }
 }
 
-/// The deviations that still are agreement.
+/// The greatest deviations that count as agreement.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tolerance {
-    /// Of an observation's number.
+    /// The bound for an observation's number.
     pub observation: f64,
-    /// Of a reward.
+    /// The bound for a reward.
     pub reward: f64,
 }
 
 impl Tolerance {
-    /// What a recording of Gymnasium's own environment may deviate by: 1e-9; 1e-5 in MountainCar,
-    /// which it computes in f32; and 1e-6 in the rewards where all actions are f32 numbers, since
-    /// it then computes the cost of an action in f32.
+    /// The tolerance for a recording of Gymnasium's own environment: 1e-9; 1e-5 in MountainCar,
+    /// which it computes in f32.
+    /// Rewards get 1e-6 if all actions are f32 numbers, since Gymnasium then computes an action's
+    /// cost in f32.
     pub fn of(demonstration: &Demonstration, env: EnvId) -> Self {
         if env.is_f32_in_gymnasium() {
             return Self {
@@ -95,7 +98,7 @@ impl Tolerance {
         }
     }
 
-    /// Whether `deviation` is within it.
+    /// Whether `deviation` is within the tolerance.
     pub fn holds(&self, deviation: &Deviation) -> bool {
         deviation.observation <= self.observation
             && deviation.reward.is_none_or(|reward| reward <= self.reward)
@@ -103,7 +106,7 @@ impl Tolerance {
     }
 }
 
-/// Replays `demonstration` in `env`, and gives the greatest deviations and where they are.
+/// Replays `demonstration` in `env`, and returns the greatest deviations with their places.
 ///
 /// # Errors
 ///
@@ -137,6 +140,7 @@ pub fn verify(demonstration: &Demonstration, path: &Path, env: EnvId) -> Result<
                 step: step - start,
                 number,
             };
+            // Gymnasium rounds the state at each step; over an episode its roundings would add up.
             if env.is_f32_in_gymnasium() {
                 task.set_pose(&poses[step], &mut observation)
                     .map_err(failed)?;
@@ -167,6 +171,7 @@ pub fn verify(demonstration: &Demonstration, path: &Path, env: EnvId) -> Result<
                 Some(EpisodeEnd::Truncated) => {
                     demonstration.truncated[step] && !demonstration.terminated[step]
                 }
+                // A limit shorter than the environment's own is the recorder's choice.
                 None => !demonstration.terminated[step],
             };
             if !agrees {
@@ -186,13 +191,13 @@ pub fn verify(demonstration: &Demonstration, path: &Path, env: EnvId) -> Result<
     })
 }
 
-/// What the rewards that deviate lack: nothing was seen, the same at each end that terminates, or
-/// anything else.
+/// The amount that deviating rewards lack: not seen yet, the same at each end that terminates, or
+/// none in common.
 #[derive(Default)]
 struct Lacking(Option<Option<f64>>);
 
 impl Lacking {
-    /// Rewards that deviate by less are f32 numbers.
+    /// Deviations below this are the rounding of f32 rewards.
     const ROUNDING: f64 = 1e-5;
 
     fn see(&mut self, deviation: f64, terminates: bool) {
@@ -209,8 +214,8 @@ impl Lacking {
     }
 }
 
-/// Raises `greatest` to the magnitude of `deviation`, and gives whether it was below; what is not
-/// finite is an infinity.
+/// Raises `greatest` to the magnitude of `deviation`, and returns whether it was below; a
+/// `deviation` that is not finite counts as infinite.
 fn raise(greatest: &mut f64, deviation: f64) -> bool {
     let magnitude = if deviation.is_finite() {
         deviation.abs()

@@ -1,9 +1,9 @@
-//! What an environment is: one descriptor for each, and the one list of them.
+//! The descriptors of environments, and the one list of them.
 //!
 //! Owns what the rest of the program asks of an environment by its name: limits, rewards, versions,
 //! cost. A descriptor stands beside its environment; adding one means adding its file and a line to
-//! [`SHIPPED`]. A robot of the user's own gets its descriptor when its table is read, and keeps it
-//! as long as the process lives. Start at [`Descriptor`].
+//! [`SHIPPED`]. A user's robot gets its descriptor when its table is read, and keeps it as long as
+//! the process lives. Start at [`Descriptor`].
 
 use std::{
     collections::BTreeMap,
@@ -19,8 +19,8 @@ use super::{
 };
 use crate::quantity::constant;
 
-/// The environments that ship: the paper's seven in its order, then others. A saved state holds the
-/// number of its own.
+/// The environments that ship: the paper's seven in its order, then others. A saved state holds its
+/// environment's number, so the order must not change.
 pub(super) static SHIPPED: [&Descriptor; 10] = [
     &mountain_car::DESCRIPTOR,
     &robots::inverted_pendulum::DESCRIPTOR,
@@ -34,8 +34,8 @@ pub(super) static SHIPPED: [&Descriptor; 10] = [
     &robots::humanoid::DESCRIPTOR,
 ];
 
-/// The microseconds of a robot's step for each of its model's own steps, until there is a recorded
-/// run: Hopper's.
+/// The microseconds of a robot's step for each of its model's own steps, as in Hopper; used until
+/// there is a recorded run.
 const MICROSECONDS: f64 = 15.0;
 
 /// Everything that is known of an environment.
@@ -46,20 +46,20 @@ pub(super) struct Descriptor {
     pub(super) paper_name: Option<&'static str>,
     /// The time limit, steps.
     pub(super) max_steps: u64,
-    /// The reward that is trained on where nothing is said: the paper's sparse one.
+    /// The reward that is trained on by default: the paper's sparse one.
     pub(super) default_reward: fn() -> Reward,
-    /// To be raised when physics, observations, rewards or ends give other numbers; the model in
-    /// its file apart, whose digest tells.
+    /// Raised when physics, observations, rewards or ends give other numbers.
+    /// The model in its file does not count here: its digest tells.
     pub(super) revision: u32,
     /// Microseconds of one step on one core, as `mcpo-run bench` measures them in 2026.
     pub(super) microseconds: f64,
     /// Whether Gymnasium keeps the state in f32, whose roundings add up over an episode.
     pub(super) is_f32_in_gymnasium: bool,
-    /// What Gym and Gymnasium have beside it.
+    /// The other versions of it in Gym and Gymnasium.
     pub(super) versions: &'static [Version],
-    /// What it is made of.
+    /// Its physics.
     pub(super) body: Body,
-    /// Its spaces, once they were asked for.
+    /// Its spaces, once somebody asked for them.
     pub(super) spaces: OnceLock<Option<Spaces>>,
 }
 
@@ -68,19 +68,19 @@ pub(super) struct Descriptor {
 pub struct Version {
     /// The number behind the `v`.
     pub number: u32,
-    /// What it has that this project's has not, in a sentence; absent where the numbers of a step
-    /// are the same but for the engine's last bits.
+    /// Its difference from this project's version, in a sentence; absent if the numbers of a step
+    /// are the same except for the engine's last bits.
     pub difference: Option<&'static str>,
-    /// How many numbers it observes, where that differs.
+    /// The number of its observations, if that differs.
     pub observation_dim: Option<usize>,
-    /// What it does not pay for the step that ends an episode.
+    /// The reward that it does not pay for the step that ends an episode.
     pub unpaid_at_the_end: Option<f64>,
-    /// Whether its model moves otherwise.
+    /// Whether its model moves differently.
     pub moves_otherwise: bool,
 }
 
 impl Version {
-    /// The same numbers.
+    /// A version with the same numbers.
     pub(super) const fn same(number: u32) -> Self {
         Self {
             number,
@@ -91,7 +91,7 @@ impl Version {
         }
     }
 
-    /// Other numbers, as `difference` says.
+    /// A version with other numbers, as `difference` says.
     pub(super) const fn other(number: u32, difference: &'static str) -> Self {
         Self {
             difference: Some(difference),
@@ -99,7 +99,7 @@ impl Version {
         }
     }
 
-    /// It observes so many numbers.
+    /// Sets how many numbers the version observes.
     pub(super) const fn observing(self, numbers: usize) -> Self {
         Self {
             observation_dim: Some(numbers),
@@ -107,7 +107,7 @@ impl Version {
         }
     }
 
-    /// It does not pay so much for the step that ends an episode.
+    /// Sets the reward that the version does not pay for the step that ends an episode.
     pub(super) const fn not_paying(self, bonus: f64) -> Self {
         Self {
             unpaid_at_the_end: Some(bonus),
@@ -115,7 +115,7 @@ impl Version {
         }
     }
 
-    /// Its model moves otherwise.
+    /// Marks the version's model as moving differently.
     pub(super) const fn moving_otherwise(self) -> Self {
         Self {
             moves_otherwise: true,
@@ -124,21 +124,21 @@ impl Version {
     }
 }
 
-/// What an environment is made of.
+/// The physics of an environment.
 pub(super) enum Body {
     /// A car on a curve.
     MountainCar,
     /// A robot that ships.
     Robot(LazyLock<(Robot, Model)>),
-    /// A robot of the user's.
+    /// A user's robot.
     Own(Own),
 }
 
-/// A robot of the user's.
+/// A user's robot.
 pub(super) struct Own {
     pub(super) robot: Robot,
     pub(super) model: Model,
-    /// Of the robot's table and its model.
+    /// The digest of the robot's table and its model.
     pub(super) digest: String,
 }
 
@@ -157,7 +157,7 @@ impl Descriptor {
         )?))
     }
 
-    /// The robot and its model, where it is one.
+    /// The robot and its model; `None` if it is none.
     pub(super) fn robot(&self) -> Option<(&Robot, &Model)> {
         match &self.body {
             Body::MountainCar => None,
@@ -166,7 +166,7 @@ impl Descriptor {
         }
     }
 
-    /// The robot of the user's that it is.
+    /// The user's robot; `None` if it is none.
     pub(super) fn own(&self) -> Option<&Own> {
         match &self.body {
             Body::Own(own) => Some(own),
@@ -174,8 +174,8 @@ impl Descriptor {
         }
     }
 
-    /// A sparse reward of the kind that the environment has: of those that ship, with the
-    /// thresholds that the project chose.
+    /// The sparse reward of the environment; for those that ship, with the thresholds that the
+    /// project chose.
     pub(super) fn sparse_reward(&self) -> Option<Reward> {
         let Some(own) = self.own() else {
             return Some((self.default_reward)());
@@ -188,7 +188,7 @@ impl Descriptor {
     }
 }
 
-/// SPARSE2 for each of so many metres.
+/// SPARSE2 for every `distance` metres.
 pub(super) fn metres(distance: f64) -> Reward {
     Reward::Sparse2 {
         distance: constant(distance),
@@ -196,16 +196,16 @@ pub(super) fn metres(distance: f64) -> Reward {
     }
 }
 
-/// SPARSE3 above so many metres.
+/// SPARSE3 above `height` metres.
 pub(super) fn height(height: f64) -> Reward {
     Reward::Sparse3 {
         height: constant(height),
     }
 }
 
-/// A robot that ships: its table and the model that this names.
+/// A robot that ships: its table, and the model that the table names.
 ///
-/// Panics when the table is none, which a test would tell.
+/// Panics if the table is invalid, which a test would tell.
 pub(super) fn shipped(table: &str, model: &'static str) -> (Robot, Model) {
     let robot = toml::from_str(table).unwrap_or_else(|error| panic!("a robot that ships: {error}"));
     (robot, Model::shipped(model))
@@ -213,9 +213,9 @@ pub(super) fn shipped(table: &str, model: &'static str) -> (Robot, Model) {
 
 /// The user's robots.
 struct Owned {
-    /// In the order in which they were first read.
+    /// The robots in the order in which they were first read.
     robots: Vec<&'static Descriptor>,
-    /// By name, the one that was read last.
+    /// For each name, the robot that was read last.
     last: BTreeMap<&'static str, usize>,
 }
 
@@ -233,15 +233,15 @@ pub(super) fn descriptor(number: usize) -> &'static Descriptor {
         .unwrap_or_else(|| own(number - SHIPPED.len()))
 }
 
-/// The number of the robot that the user calls `name`, the one that was read last where several
-/// have the name.
+/// The number of the user's robot called `name`; if several have the name, the one that was read
+/// last.
 pub(super) fn own_number(name: &str) -> Option<usize> {
     let own = OWN.read().unwrap_or_else(PoisonError::into_inner);
     Some(SHIPPED.len() + own.last.get(name)?)
 }
 
-/// The number of the user's `robot` called `name` on `model`: the same for the same robot, as long
-/// as the process lives.
+/// The number of the user's `robot` called `name` on `model`; equal robots get the same number as
+/// long as the process lives.
 pub(super) fn intern(name: &str, robot: Robot, model: Model) -> usize {
     let table =
         toml::to_string(&robot).unwrap_or_else(|error| panic!("a robot is a table: {error}"));

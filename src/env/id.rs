@@ -1,4 +1,4 @@
-//! Which environment: by its name, or by the whole table of a robot of the user's own.
+//! The identity of an environment: its name, or the whole table of a user's robot.
 
 use std::{cmp::Ordering, fmt, path::PathBuf, str::FromStr};
 
@@ -14,8 +14,9 @@ use super::{
     robot::Robot,
 };
 
-/// An environment: one that ships, or a robot of the user's own. Written as its name; one's own
-/// with its table and its model, so that whatever holds it can be read elsewhere.
+/// An environment: one that ships, or a user's robot.
+/// It is serialised as its name; a user's robot with its table and its model, so that whatever
+/// holds it can be read elsewhere.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub struct EnvId(usize);
 
@@ -39,7 +40,8 @@ impl EnvId {
     /// `Ant-v2`, with contact forces: 111 observations.
     pub const Ant: Self = Self(6);
 
-    /// All of the paper's, in its order; [`shipped`](Self::shipped) gives the others too.
+    /// All environments of the paper, in its order; [`shipped`](Self::shipped) gives the others
+    /// too.
     pub const ALL: [Self; 7] = [
         Self::MountainCar,
         Self::InvertedPendulum,
@@ -52,18 +54,19 @@ impl EnvId {
 }
 
 impl EnvId {
-    /// All that ship: the paper's first, in its order.
+    /// All environments that ship: the paper's first, in its order.
     pub fn shipped() -> impl Iterator<Item = Self> {
         (0..SHIPPED.len()).map(Self)
     }
 
-    /// The user's `robot`, called `name`, whose model stands at [`Robot::model`]. The model and the
-    /// files that it needs are read; later changes of the model's file do not reach it.
+    /// The user's `robot`, called `name`, whose model stands at [`Robot::model`].
+    /// The model and the files that it needs are read now; later changes of the model's file have
+    /// no effect.
     ///
     /// # Errors
     ///
-    /// The name is taken or cannot name a folder; the model cannot be read or MuJoCo refuses it;
-    /// the model has not what the table names.
+    /// The name is taken or cannot name a folder; the model cannot be read, or MuJoCo refuses it;
+    /// the model lacks something that the table names.
     pub fn of_robot(name: &str, robot: Robot) -> Result<Self, EnvError> {
         if let Some((_, shipped)) =
             Self::known().find(|(known, _)| known.eq_ignore_ascii_case(name))
@@ -82,7 +85,7 @@ impl EnvId {
             }
         };
         let model = Model::read(&robot.model).map_err(wrong("model"))?;
-        // Wherever it stands, it is the same robot.
+        // The same model makes the same robot, wherever its file stands.
         let file = robot
             .model
             .file_name()
@@ -123,12 +126,12 @@ impl EnvId {
         self.descriptor().paper_name.unwrap_or(self.name())
     }
 
-    /// Whether it is a robot of the user's own.
+    /// Whether it is a user's robot.
     pub fn is_own(self) -> bool {
         self.descriptor().own().is_some()
     }
 
-    /// What the user wrote of it, where it is a robot of the user's own.
+    /// The user's description of it; `None` if it ships.
     pub fn own_robot(self) -> Option<&'static Robot> {
         self.descriptor().own().map(|own| &own.robot)
     }
@@ -138,17 +141,18 @@ impl EnvId {
         self.descriptor().max_steps
     }
 
-    /// The reward that is trained on where nothing is said: the paper's sparse one, with the
-    /// thresholds that this project chose, since the paper prints none: a metre as public
-    /// environments around POfD have it, ten in HalfCheetah, which covers a metre by chance and
-    /// where methods then rank as in the paper; and heights that hold nearly all of the
-    /// demonstration and end before the pole does. A robot of one's own has its dense one.
+    /// The reward that is trained on by default: the paper's sparse one, or the dense one of a
+    /// user's robot.
+    /// The paper prints no thresholds, so this project chose them.
+    /// A metre, as in public environments around POfD; ten in HalfCheetah, which covers a metre by
+    /// chance, and where methods then rank as in the paper.
+    /// For poles, a height that the demonstration nearly always exceeds, and that a pole sinks
+    /// below before its episode ends.
     pub fn default_reward(self) -> Reward {
         (self.descriptor().default_reward)()
     }
 
-    /// The kind of sparse reward that the environment has, with some threshold; [`Reward::Dense`]
-    /// where it has none.
+    /// The sparse reward of the environment, with some threshold; [`Reward::Dense`] if it has none.
     pub fn sparse_reward(self) -> Reward {
         self.descriptor().sparse_reward().unwrap_or(Reward::Dense)
     }
@@ -162,14 +166,14 @@ impl EnvId {
         self.descriptor().build(self.tag())
     }
 
-    /// The shapes and bounds; `None` where the engine refuses the model.
+    /// The shapes and bounds; `None` if the engine refuses the model.
     pub fn spaces(self) -> Option<Spaces> {
         let spaces = || self.build().ok().map(|environment| environment.spaces());
         *self.descriptor().spaces.get_or_init(spaces)
     }
 
-    /// The revision of its task: another one gives other numbers, the model apart, which
-    /// [`model_digest`](Self::model_digest) tells.
+    /// The revision of its task: a new one gives other numbers.
+    /// It does not cover the model; see [`model_digest`](Self::model_digest).
     pub fn revision(self) -> u32 {
         self.descriptor().revision
     }
@@ -179,8 +183,8 @@ impl EnvId {
         self.descriptor().robot().map(|(_, model)| model.digest())
     }
 
-    /// Seconds of one step of physics on one core (frame skip included); a guess for a robot of
-    /// one's own.
+    /// Seconds of one step of physics on one core (frame skip included); a guess for a user's
+    /// robot.
     pub fn physics_seconds(self) -> f64 {
         1e-6 * self.descriptor().microseconds
     }
@@ -190,12 +194,12 @@ impl EnvId {
         self.descriptor().is_f32_in_gymnasium
     }
 
-    /// What Gym and Gymnasium have beside it.
+    /// The other versions of it in Gym and Gymnasium.
     pub fn versions(self) -> &'static [Version] {
         self.descriptor().versions
     }
 
-    /// Every name of what ships, Gym's and the paper's.
+    /// Every name of the environments that ship, Gym's and the paper's.
     pub fn known() -> impl Iterator<Item = (&'static str, Self)> {
         Self::shipped().flat_map(|id| {
             std::iter::once(id.name())
@@ -204,7 +208,7 @@ impl EnvId {
         })
     }
 
-    /// What to say of a `name` that is not known: which one it may be, or what there is.
+    /// The message about an unknown `name`: the one that was probably meant, or all that are known.
     pub fn known_instead(name: &str) -> String {
         if let Some((id, Some(number))) = Self::of_label(name)
             && name.eq_ignore_ascii_case(&format!("{}-v{number}", id.family()))
@@ -218,7 +222,7 @@ impl EnvId {
         }
         let distance =
             |known: &str| strsim::damerau_levenshtein(&name.to_lowercase(), &known.to_lowercase());
-        // The version that all share is no likeness.
+        // The version is left out: all names share it, so it makes none alike.
         let letters = |name: &str| {
             name.split_once("-v")
                 .map_or(name, |(family, _)| family)
@@ -238,11 +242,11 @@ impl EnvId {
         }
     }
 
-    /// The number that marks a saved state as this environment's, in whichever process.
+    /// The number that marks a saved state as this environment's, the same in every process.
     fn tag(self) -> f64 {
         match self.descriptor().own() {
             None => self.0 as f64,
-            // Beyond those of what ships; f64 holds 53 bits.
+            // The numbers beyond those of what ships; f64 holds 53 bits.
             Some(own) => {
                 (1_u64 << 48 | u64::from_str_radix(&own.digest[..12], 16).unwrap_or_default())
                     as f64
@@ -258,7 +262,8 @@ fn is_file_name(name: &str) -> bool {
 }
 
 impl Ord for EnvId {
-    /// What ships first, in its order; the user's own by their names, whenever they were read.
+    /// Orders what ships first, in its order; then the user's robots by name, whenever they were
+    /// read.
     fn cmp(&self, other: &Self) -> Ordering {
         let key = |id: Self| {
             let own = id.descriptor().own();
@@ -293,7 +298,8 @@ impl fmt::Debug for EnvId {
 impl FromStr for EnvId {
     type Err = EnvError;
 
-    /// What ships, by Gym's or the paper's name; or the robot that was last read under this name.
+    /// An environment that ships, by Gym's or the paper's name; or the robot that was last read
+    /// under this name.
     fn from_str(name: &str) -> Result<Self, EnvError> {
         let known = Self::known()
             .find(|(known, _)| *known == name)
@@ -307,7 +313,7 @@ impl FromStr for EnvId {
     }
 }
 
-/// A robot of the user's own as it is written where it is to be read elsewhere.
+/// The serialised form of a user's robot.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Written {

@@ -1,10 +1,9 @@
 //! The tasks: their physics, their dense rewards and the paper's sparse ones.
 //!
 //! Owns what happens between an action and the next observation. Knows nothing of policies or
-//! learning. Start at
-//! [`Environment`], one episode's physics, and [`Task`], which adds the reward that is trained on and the time limit; what is
-//! known of an environment by its name stands in its descriptor, and all of these in one list,
-//! `catalog.rs`.
+//! learning. Start at [`Environment`], one episode's physics, and [`Task`], which adds the reward
+//! that is trained on and the time limit. The facts about an environment by its name stand in its
+//! descriptor, and all descriptors in one list, `catalog.rs`.
 
 mod catalog;
 mod id;
@@ -24,7 +23,7 @@ pub use task::{Task, Transition};
 
 use crate::rng::Rng;
 
-/// What an environment's observations and actions are.
+/// The shapes and bounds of an environment's observations and actions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spaces {
     /// Numbers in an observation.
@@ -32,7 +31,7 @@ pub struct Spaces {
     /// Numbers in an action.
     pub action_dim: usize,
     /// Every action's bound: the physics clamps each number to `[-action_bound, action_bound]`;
-    /// costs see it unclamped.
+    /// costs use the number before clamping.
     pub action_bound: f64,
 }
 
@@ -45,7 +44,7 @@ pub enum EpisodeEnd {
     Truncated,
 }
 
-/// What one step of physics gives, beside the observation.
+/// The result of one step of physics, beside the observation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outcome {
     /// The dense ("exact") reward.
@@ -63,15 +62,15 @@ pub struct Pose {
     pub qvel: Vec<f64>,
 }
 
-/// What can go wrong in an environment.
+/// Errors of environments.
 #[derive(Debug, thiserror::Error)]
 pub enum EnvError {
     /// No environment has this name.
     #[error("unknown environment `{name}`; {known}")]
     UnknownEnvironment {
-        /// As it was given.
+        /// The name as it was given.
         name: String,
-        /// What is known instead.
+        /// The known names, for the message.
         known: String,
     },
     /// An action, pose or saved state does not fit the environment.
@@ -79,9 +78,9 @@ pub enum EnvError {
     WrongLength {
         /// The environment.
         env: String,
-        /// What was given.
+        /// The kind of numbers: an action, a pose or a saved state.
         what: &'static str,
-        /// Its length.
+        /// The length that was given.
         got: usize,
         /// The length that fits.
         expected: usize,
@@ -91,9 +90,9 @@ pub enum EnvError {
     NonFinite {
         /// The environment.
         env: String,
-        /// What was given.
+        /// The kind of numbers: an action or a pose.
         what: &'static str,
-        /// As it was given.
+        /// The numbers that were given.
         numbers: Vec<f64>,
     },
     /// The saved state is of another environment.
@@ -120,24 +119,24 @@ pub enum EnvError {
         /// The sparse reward that it has.
         has: &'static str,
     },
-    /// A robot's name is that of an environment that ships.
+    /// A robot has the name of an environment that ships.
     #[error("the name `{name}` is taken: {by} ships with the program")]
     NameTaken {
-        /// As it was given.
+        /// The name as it was given.
         name: String,
-        /// What has it.
+        /// The environment of that name.
         by: EnvId,
     },
-    /// The model of a robot has not what its table names, or the table is wrong in itself.
+    /// The model of a robot lacks something that its table names, or the table itself is wrong.
     #[error("{env}: {}: {message}", at(key, *index))]
     Robot {
         /// The robot's name.
         env: String,
         /// The table's key.
         key: &'static str,
-        /// Which element of its list.
+        /// The element of its list, from 0; absent for a key that is no list.
         index: Option<usize>,
-        /// What is wrong.
+        /// The mistake.
         message: String,
     },
     /// The physics engine refused its model or state.
@@ -145,7 +144,7 @@ pub enum EnvError {
     Engine {
         /// The environment.
         env: String,
-        /// What the engine said.
+        /// The engine's message.
         message: String,
     },
 }
@@ -165,12 +164,13 @@ pub trait Environment: Send {
     ///
     /// # Errors
     ///
-    /// The action has a wrong length or is not finite, or the physics diverged; then start another
-    /// episode.
+    /// The action has a wrong length or is not finite, or the physics diverged; after an error,
+    /// start another episode.
     fn step(&mut self, action: &[f64], observation: &mut [f64]) -> Result<Outcome, EnvError>;
 
-    /// The physics of a step under `action` (`[action_dim]`, unclamped) alone, for `mcpo-run
-    /// bench`: nothing is observed or paid, and what depends on either is stale until the next
+    /// Takes the physics of a step under `action` (`[action_dim]`, unclamped) alone, for
+    /// `mcpo-run bench`.
+    /// Nothing is observed or paid, and everything that depends on these is stale until the next
     /// episode.
     ///
     /// # Errors
@@ -182,12 +182,12 @@ pub trait Environment: Send {
     /// height of the last pole, or 1 at the goal and 0 elsewhere.
     fn landmark(&self) -> f64;
 
-    /// The pose now.
+    /// The current pose.
     fn pose(&self) -> Pose;
 
-    /// The pose that `observation` is of, as if it were at the origin of the ground, and how many
-    /// numbers at the observation's beginning tell of positions; `None` where an observation does
-    /// not hold all of a pose.
+    /// The pose behind `observation`, as if it were at the origin of the ground, and how many
+    /// numbers at the observation's beginning are positions; `None` if an observation does not hold
+    /// a whole pose.
     fn pose_of(&self, _observation: &[f64]) -> Option<(Pose, usize)> {
         None
     }
@@ -199,11 +199,10 @@ pub trait Environment: Send {
     /// The pose has a wrong length or is not finite.
     fn set_pose(&mut self, pose: &Pose, observation: &mut [f64]) -> Result<(), EnvError>;
 
-    /// Everything the next step depends on, for a checkpoint.
+    /// Everything that the next step depends on, for a checkpoint.
     fn save(&self) -> Vec<f64>;
 
-    /// Puts back what [`save`](Environment::save) gave; from then on every bit is as it would have
-    /// been.
+    /// Restores a state of [`save`](Environment::save); every later bit is as it would have been.
     ///
     /// # Errors
     ///
@@ -218,7 +217,7 @@ fn at(key: &str, index: Option<usize>) -> String {
 
 /// # Errors
 ///
-/// `got` numbers are not the `expected` ones.
+/// There are not `expected` numbers but `got`.
 fn check_length(
     env: &str,
     what: &'static str,
@@ -252,9 +251,9 @@ fn check_finite(env: &str, what: &'static str, numbers: &[f64]) -> Result<(), En
     }
 }
 
-/// The saved `state` of `env` without the tag in front, when it has `tag` and `len` numbers after
-/// it. Two environments' states can have the same length, HalfCheetah's and Walker2d's do, hence
-/// the tag.
+/// The saved `state` of `env` without the tag in front, if that is `tag` and `len` numbers follow.
+/// The tag is needed because two environments' states can have the same length, as HalfCheetah's
+/// and Walker2d's do.
 fn untag<'a>(env: &str, tag: f64, state: &'a [f64], len: usize) -> Result<&'a [f64], EnvError> {
     match state {
         [first, rest @ ..] if *first == tag => {

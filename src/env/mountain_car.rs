@@ -1,6 +1,6 @@
 //! MountainCarContinuous-v0: a car too weak for its hill.
 //!
-//! Gym 0.15's, in f64; Gymnasium computes the same in f32.
+//! As in Gym 0.15, in f64; Gymnasium computes the same in f32.
 
 use std::sync::OnceLock;
 
@@ -38,14 +38,14 @@ const MAX_FORCE: f64 = 1.0;
 pub(super) struct MountainCar {
     /// Its name, for messages.
     name: &'static str,
-    /// What marks its saved states.
+    /// The number in front of its saved states.
     tag: f64,
     position: f64,
     velocity: f64,
 }
 
 impl MountainCar {
-    /// A car in the valley, called `name`, whose saved states `tag` marks.
+    /// A car in the valley, called `name`, with `tag` in front of its saved states.
     pub(super) fn new(name: &'static str, tag: f64) -> Self {
         Self {
             name,

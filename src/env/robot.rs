@@ -1,8 +1,8 @@
-//! What is added to a MuJoCo model to make a task of it, as it is written in TOML.
+//! A task on a MuJoCo model, as it is written in TOML.
 //!
-//! Owns the words of a robot's table: what is observed, what is paid, when an episode ends, how one
-//! starts. Knows nothing of how MuJoCo computes any of it. The robots that ship are written in
-//! these words too (`robots/*.toml`). Start at [`Robot`]; the format is documented in
+//! Owns the words of a robot's table: observations, rewards, ends and starts of episodes. Knows
+//! nothing of how MuJoCo computes any of it. The robots that ship are written in these words too
+//! (`robots/*.toml`). Start at [`Robot`]; the format is documented in
 //! `experiments/environments.md`.
 
 use std::path::PathBuf;

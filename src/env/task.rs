@@ -18,7 +18,7 @@ pub struct Task {
     milestones: f64,
 }
 
-/// What one step gives, beside the observation.
+/// The result of one step, beside the observation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Transition {
     /// The reward that is trained on.
@@ -45,9 +45,9 @@ impl Task {
         ))
     }
 
-    /// The task of `environment`, which messages call `name`, with `reward`, cut after `max_steps`:
-    /// for environments that this crate does not know. What a sparse reward pays for is the
-    /// environment's own [`landmark`](Environment::landmark).
+    /// The task of `environment`, which messages call `name`, with `reward`, cut after `max_steps`;
+    /// for environments that this crate does not know.
+    /// A sparse reward pays by the environment's own [`landmark`](Environment::landmark).
     pub fn from_environment(
         name: &str,
         environment: Box<dyn Environment>,
@@ -76,8 +76,9 @@ impl Task {
     }
 
     /// Takes one step under `action` (`[action_dim]`, unclamped) and writes the observation after
-    /// it. After an end,
-    /// [`reset`](Task::reset) comes next. A termination on the last step that the limit allows is a termination.
+    /// it.
+    /// After an end, call [`reset`](Task::reset) next.
+    /// A termination on the last step that the limit allows counts as a termination.
     ///
     /// # Errors
     ///
@@ -103,7 +104,7 @@ impl Task {
         })
     }
 
-    /// The physics of a step alone: see [`Environment::advance`].
+    /// Takes the physics of a step alone: see [`Environment::advance`].
     ///
     /// # Errors
     ///
@@ -144,19 +145,19 @@ impl Task {
         Ok(())
     }
 
-    /// The pose now.
+    /// The current pose.
     pub fn pose(&self) -> Pose {
         self.environment.pose()
     }
 
-    /// Everything the next step depends on, for a checkpoint.
+    /// Everything that the next step depends on, for a checkpoint.
     pub fn save(&self) -> Vec<f64> {
         let mut state = vec![self.elapsed as f64, self.milestones];
         state.extend(self.environment.save());
         state
     }
 
-    /// Puts back what [`save`](Task::save) gave; from then on every bit is as it would have been.
+    /// Restores a state of [`save`](Task::save); every later bit is as it would have been.
     ///
     /// # Errors
     ///

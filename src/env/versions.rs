@@ -1,5 +1,5 @@
-//! Gym's and Gymnasium's other versions of the tasks: which task a label means, and what is not the
-//! same there.
+//! Gym's and Gymnasium's other versions of the tasks: which task a label means, and what differs
+//! there.
 
 use super::EnvId;
 
@@ -19,16 +19,15 @@ impl EnvId {
         Some((id, version(label)))
     }
 
-    /// The name without a version.
+    /// The name without its version.
     pub fn family(self) -> &'static str {
         self.name()
             .split_once("-v")
             .map_or(self.name(), |(family, _)| family)
     }
 
-    /// What `version` of this task has that this project's has not, in a sentence; absent where the
-    /// numbers of a step are the same but for the engine's last bits, and for versions that are not
-    /// known.
+    /// The difference of this task's `version` from this project's, in a sentence; absent if the
+    /// numbers of a step are the same except for the engine's last bits, and for unknown versions.
     pub fn differs_in(self, version: u32) -> Option<&'static str> {
         self.versions()
             .iter()
@@ -36,8 +35,8 @@ impl EnvId {
             .difference
     }
 
-    /// The version of this task whose observations have so many numbers, which this project's have
-    /// not.
+    /// The version of this task whose observations have this many numbers, if this project's have
+    /// another number.
     pub fn observing(self, numbers: usize) -> Option<u32> {
         let version = self
             .versions()
@@ -47,7 +46,7 @@ impl EnvId {
     }
 }
 
-/// The number behind the last `-v`.
+/// The number after the last `-v`.
 fn version(label: &str) -> Option<u32> {
     label.rsplit_once("-v")?.1.parse().ok()
 }

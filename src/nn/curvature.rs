@@ -26,8 +26,7 @@ const SENSITIVE: usize = 32;
 impl Mlp {
     /// Writes `J^T W J x` to `result` (`[parameters]`, as `x`), where J is the derivative of all
     /// samples' outputs by the parameters, and W is diagonal, `weights` (`[out]`) in each sample.
-    /// `pass` is that of the last
-    /// [`forward`](Mlp::forward) on the same `inputs` and parameters.
+    /// `pass` is that of the last [`forward`](Mlp::forward) on the same `inputs` and parameters.
     pub(super) fn gauss_newton(
         &self,
         inputs: &DMatrix<f32>,
@@ -72,6 +71,7 @@ impl Mlp {
             } = scratch;
             let cotangent = first(output, weights.len(), kept.chunk.len());
             let layer = hidden.len();
+            // The last hidden layer has no sensitivities: the output weights alone lead back to it.
             if let Some(last) = hidden.last_mut() {
                 let width = self.widths()[layer];
                 let last = &mut last[..width * kept.chunk.len()];
@@ -87,9 +87,10 @@ impl Mlp {
         });
     }
 
-    /// Along `x`, the changes of each hidden layer's sums by that layer's own parameters, in the
-    /// last one times tanh's slope, to `scratch.hidden`; and to `scratch.output` the outputs' by
-    /// the output layer and the last hidden one.
+    /// Computes the changes along `x`.
+    /// `scratch.hidden` gets the changes of each hidden layer's sums by that layer's own
+    /// parameters, those of the last layer times tanh's slope.
+    /// `scratch.output` gets the outputs' changes by the output layer and the last hidden one.
     fn move_outputs(
         &self,
         kept: &Kept<'_>,
@@ -117,6 +118,7 @@ impl Mlp {
                 }
             } else {
                 let output = &mut output[..width * n];
+                // Transposed, since a product whose result has few rows is slow.
                 weights.transpose_to(&mut matrix_mut(output_weights, fan_in));
                 product_of_columns(
                     matrix(output_weights, fan_in),
@@ -138,8 +140,8 @@ impl Mlp {
         }
     }
 
-    /// Makes [`Pass::sensitivities`], from the last hidden layer's, which are the output weights
-    /// times tanh's slopes, down.
+    /// Computes [`Pass::sensitivities`], from the last hidden layer's down; that layer's are the
+    /// output weights times tanh's slopes.
     fn sense(&self, pass: &mut Pass) {
         if pass.is_sensitive {
             return;
@@ -148,6 +150,7 @@ impl Mlp {
         let [_, hidden @ .., outputs] = self.widths() else {
             return;
         };
+        // A single hidden layer has none below it, so there is nothing to keep.
         let Some((last, lower @ [_, ..])) = hidden.split_last() else {
             return;
         };

@@ -63,12 +63,12 @@ impl Mlp {
         &self.widths
     }
 
-    /// All parameters, flat.
+    /// All parameters in one vector.
     pub fn parameters(&self) -> &[f32] {
         &self.parameters
     }
 
-    /// All parameters, flat, to be changed.
+    /// All parameters in one vector, to be changed.
     pub fn parameters_mut(&mut self) -> &mut [f32] {
         &mut self.parameters
     }
@@ -78,7 +78,7 @@ impl Mlp {
         self.layers_of(&self.parameters)
     }
 
-    /// The same of any vector that is laid out like the parameters.
+    /// The layers of any vector that is laid out like the parameters.
     pub(super) fn layers_of<'a>(
         &'a self,
         mut flat: &'a [f32],
@@ -213,6 +213,7 @@ impl Mlp {
                     columns(cotangent.as_slice(), cotangent.nrows(), &kept.chunk),
                     cotangent.nrows(),
                 );
+                // Down to the first hidden layer: nobody needs the derivative by the inputs.
                 for layer in (1..transposed.len()).rev() {
                     let (here, above) = hidden.split_at_mut(layer);
                     let derivative = above.first().map_or(cotangent, |above| {
@@ -233,7 +234,7 @@ impl Mlp {
         );
     }
 
-    /// Makes all of [`Pass::transposed`].
+    /// Computes all of [`Pass::transposed`].
     pub(super) fn transpose(&self, pass: &mut Pass) {
         if !pass.is_transposed {
             for ((weights, _), transposed) in self.layers().zip(&mut pass.transposed) {
@@ -331,7 +332,7 @@ pub(super) fn add_gradient(
                 let derivative = first(derivative, width, kept.chunk.len());
                 product_nt_and_sum(derivative, kept.input(layer), 1.0, matrix_mut(block, width));
             }
-            // The other way round, since a product whose result has few rows is slow.
+            // As the transposed product, since a product whose result has few rows is slow.
             None => {
                 let (by_weights, by_biases) = block.split_at_mut(fan_in * width);
                 product_nt(kept.input(layer), cotangent, 0.0, matrix_mut(room, fan_in));

@@ -2,8 +2,7 @@
 //! observations.
 //!
 //! Owns the arithmetic of the learner. Knows nothing of environments, rewards or algorithms. Start
-//! at [`Mlp`] and
-//! [`GaussianPolicy`].
+//! at [`Mlp`] and [`GaussianPolicy`].
 //!
 //! One column is one sample: a batch of `n` observations is a matrix `[observation_dim x n]`.
 //! Parameters and activations are f32, sums over samples f64 or fixed chunks in a fixed order, so

@@ -14,13 +14,13 @@ pub struct Normalizer {
 }
 
 impl Normalizer {
-    /// Added to the standard deviation: a feature that never varied is 0 as long as it does not,
-    /// and when it first moves, the clip bounds it.
+    /// Added to the standard deviation. A feature that never varied stays 0 until it does, and the
+    /// clip bounds it when it first moves.
     pub const EPSILON: f64 = 1e-8;
 
-    /// The weight of one column of a [`held`](Self::held) normaliser: so many that a run of 1e8
-    /// steps after a demonstration of 100 moves mean and variance by a millionth of how far off it
-    /// goes.
+    /// The weight of one column of a [`held`](Self::held) normaliser. It is so large that a run of
+    /// 1e8 steps after a demonstration of 100 moves mean and variance by only a millionth of the
+    /// distance to its own.
     pub const HELD: f64 = 1e12;
 
     /// A normaliser of observations of `dim` numbers that has seen none: until it has seen two, it
@@ -44,9 +44,9 @@ impl Normalizer {
         normalizer
     }
 
-    /// A normaliser in units of the columns of `observations` (`[dim x n]`), for whatever is seen
-    /// later too: each column counts for [`HELD`](Self::HELD) observations. A number that never
-    /// varies there keeps its own unit.
+    /// A normaliser that stays in units of the columns of `observations` (`[dim x n]`), whatever it
+    /// sees later: each column counts for [`HELD`](Self::HELD) observations.
+    /// A number that never varies there keeps its own unit.
     pub fn held(observations: &DMatrix<f64>, clip: f64) -> Self {
         let mut normalizer = Self::from_columns(observations, clip);
         let count = normalizer.count * Self::HELD;
@@ -55,7 +55,7 @@ impl Normalizer {
             .into_iter()
             .zip(&normalizer.mean)
             .map(|(std, mean)| {
-                // What is left of a constant is the rounding of its mean.
+                // The deviation of a constant is only the rounding of its mean.
                 let varies = std > 1e-12 * mean.abs().max(1.0);
                 if varies { std * std } else { 1.0 }
             });
@@ -64,7 +64,7 @@ impl Normalizer {
         normalizer
     }
 
-    /// Takes one raw observation (`[dim]`) into account.
+    /// Adds one raw observation (`[dim]`) to the statistics.
     pub fn update(&mut self, observation: &[f64]) {
         assert_eq!(
             observation.len(),
@@ -122,12 +122,13 @@ impl Normalizer {
         normalized
     }
 
-    /// The mean of what was seen `[dim]`.
+    /// The mean of the observations seen `[dim]`.
     pub fn mean(&self) -> &[f64] {
         &self.mean
     }
 
-    /// The standard deviation of what was seen `[dim]` (by n - 1); ones before two observations.
+    /// The standard deviation of the observations seen `[dim]` (by n - 1); ones before two
+    /// observations.
     pub fn std(&self) -> Vec<f64> {
         if self.count < 2.0 {
             return vec![1.0; self.mean.len()];
@@ -138,12 +139,12 @@ impl Normalizer {
             .collect()
     }
 
-    /// How many observations were seen.
+    /// The number of observations seen.
     pub fn count(&self) -> u64 {
         self.count as u64
     }
 
-    /// The bound of a normalised number.
+    /// The greatest magnitude of a normalised number.
     pub fn clip(&self) -> f64 {
         self.clip
     }

@@ -1,4 +1,4 @@
-//! The activations that a network keeps between its passes, and how a batch is cut.
+//! The activations that a network keeps between its passes, and how a batch is cut into chunks.
 
 use std::{mem, ops::Range};
 
@@ -15,17 +15,16 @@ pub(super) const CHUNK: usize = 128;
 /// Reused between passes, it allocates only when a batch is larger than any before.
 #[derive(Debug, Clone, Default)]
 pub struct Pass {
-    /// Samples of the last forward pass.
+    /// The number of samples in the last forward pass.
     pub(super) samples: usize,
-    /// Height of the output.
+    /// The number of outputs.
     pub(super) output_dim: usize,
     /// Each layer's activations `[out x samples]`, and room beyond them for larger batches.
     pub(super) activations: Vec<Vec<f32>>,
     /// Each layer's weights, transposed `[in x out]`: the way back reads them so, and the output
     /// layer forward too. Those of the layers between are made when first needed.
     pub(super) transposed: Vec<Vec<f32>>,
-    /// Whether all of [`transposed`](Self::transposed) is that of the last forward pass's
-    /// parameters.
+    /// Whether [`transposed`](Self::transposed) is complete for the last forward pass's parameters.
     pub(super) is_transposed: bool,
     /// For each hidden layer but the last, the derivative of the outputs by its sums `[width x
     /// (output_dim x samples)]`, sample by sample. Made when first needed.
@@ -43,7 +42,7 @@ pub(super) struct Scratch {
     pub(super) hidden: Vec<Vec<f32>>,
     /// A derivative of the outputs `[out x CHUNK]`.
     pub(super) output: Vec<f32>,
-    /// One of the output layer's weights, transposed `[in x out]`.
+    /// Weights of the output layer, transposed `[in x out]`: of a direction or of a gradient.
     pub(super) output_weights: Vec<f32>,
     /// Derivatives of the outputs by the last hidden layer's sums, for a few samples.
     pub(super) sensitivity: Vec<f32>,
@@ -113,13 +112,13 @@ impl Pass {
 
 /// The activations of one chunk.
 pub(super) struct Kept<'a> {
-    /// The network's.
+    /// The network's widths.
     pub(super) widths: &'a [usize],
-    /// Of all samples `[in x n]`.
+    /// The inputs of all samples `[in x n]`.
     pub(super) inputs: &'a [f32],
-    /// Each layer's, of all samples `[out x n]`.
+    /// Each layer's activations of all samples `[out x n]`.
     pub(super) activations: &'a [Vec<f32>],
-    /// Which samples.
+    /// The chunk's samples.
     pub(super) chunk: Range<usize>,
 }
 
@@ -129,7 +128,7 @@ impl<'a> Kept<'a> {
         matrix(self.flat_input(layer), self.widths[layer])
     }
 
-    /// The same, flat.
+    /// The input of `layer` as a slice.
     pub(super) fn flat_input(&self, layer: usize) -> &'a [f32] {
         let values = layer
             .checked_sub(1)
@@ -138,9 +137,9 @@ impl<'a> Kept<'a> {
     }
 }
 
-/// Writes to `sum` what `add` adds for each chunk of `samples`, in their order, shared by as many
-/// threads as there are `rooms`. A thread's share starts from zero, as `add` itself must: then the
-/// bits are those of one thread.
+/// Writes to `sum` the total of what `add` adds for each chunk of `samples`, in their order, shared
+/// by as many threads as there are `rooms`.
+/// A thread's share starts from zero, as `add` itself must, so the bits are those of one thread.
 pub(super) fn sum_over_chunks(
     samples: usize,
     rooms: &mut [Scratch],
@@ -172,8 +171,8 @@ pub(super) fn sum_over_chunks(
     );
 }
 
-/// Cuts matrices of `heights`, one column a sample, at the chunks of `size` samples: what each
-/// chunk has of each.
+/// Cuts matrices of `heights`, one column a sample, at the chunks of `size` samples; returns each
+/// chunk's part of each matrix.
 pub(super) fn cut<'a>(
     matrices: impl Iterator<Item = (&'a mut Vec<f32>, usize)>,
     samples: usize,
@@ -193,19 +192,19 @@ pub(super) fn cut<'a>(
     })
 }
 
-/// Where `samples` are cut.
+/// The chunks of `samples`.
 pub(super) fn chunks(samples: usize) -> impl Iterator<Item = Range<usize>> {
     (0..samples)
         .step_by(CHUNK)
         .map(move |start| start..samples.min(start + CHUNK))
 }
 
-/// Columns `range` of a matrix of `height`, flat.
+/// Columns `range` of a matrix of `height`, as a slice.
 pub(super) fn columns<'a>(values: &'a [f32], height: usize, range: &Range<usize>) -> &'a [f32] {
     &values[height * range.start..height * range.end]
 }
 
-/// The same, to be written.
+/// Columns `range` of a matrix of `height`, as a slice to be written.
 pub(super) fn columns_mut<'a>(
     values: &'a mut [f32],
     height: usize,
@@ -219,12 +218,12 @@ pub(super) fn matrix(values: &[f32], height: usize) -> DMatrixView<'_, f32> {
     DMatrixView::from_slice(values, height, values.len() / height)
 }
 
-/// The first `len` columns of `height` in `values`.
+/// The first `len` columns of `values` as a matrix of `height`.
 pub(super) fn first(values: &[f32], height: usize, len: usize) -> DMatrixView<'_, f32> {
     matrix(&values[..height * len], height)
 }
 
-/// The same, to be written.
+/// `values` as a matrix of `height` to be written.
 pub(super) fn matrix_mut(values: &mut [f32], height: usize) -> DMatrixViewMut<'_, f32> {
     let len = values.len() / height;
     DMatrixViewMut::from_slice(values, height, len)

@@ -55,7 +55,7 @@ impl GaussianPolicy {
         [self.mean.parameters(), &self.log_std].concat()
     }
 
-    /// All parameters in their order, to be changed: the network's, and `log_std`.
+    /// All parameters, to be changed: the network's, then `log_std`.
     pub fn parts_mut(&mut self) -> [&mut [f32]; 2] {
         [self.mean.parameters_mut(), &mut self.log_std]
     }
@@ -68,8 +68,7 @@ impl GaussianPolicy {
     }
 
     /// Runs normalised observations (`[observation_dim x n]`) through the mean's network; the means
-    /// are in
-    /// [`Pass::output`].
+    /// are in [`Pass::output`].
     pub fn forward(&self, observations: &DMatrix<f32>, pass: &mut Pass) {
         self.mean.forward(observations, pass);
     }

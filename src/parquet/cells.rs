@@ -1,4 +1,4 @@
-//! A column of single values, of which some may be absent.
+//! A column of single values, some of which may be absent.
 
 use std::sync::Arc;
 
@@ -14,7 +14,7 @@ pub(crate) enum Cells {
     Texts(Vec<Option<Arc<str>>>),
 }
 
-/// One of [`Cells`].
+/// One entry of [`Cells`].
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Cell {
     Null,
@@ -26,7 +26,7 @@ pub(crate) enum Cell {
 }
 
 impl Cells {
-    /// `values` at the rows where one is `there`, of which there must be as many.
+    /// `values` at the rows that are `there`; both must be equally many.
     pub(super) fn new(values: Values, unsigned: bool, there: &[bool]) -> Self {
         fn spread<T, U>(
             values: Vec<T>,
@@ -55,7 +55,7 @@ impl Cells {
         }
     }
 
-    /// Their type, as a message calls it.
+    /// The cells' type, in the words of a message.
     pub(crate) fn name(&self) -> &'static str {
         match self {
             Self::Truths(_) => "truth values",
@@ -66,7 +66,7 @@ impl Cells {
         }
     }
 
-    /// The cell of `row`; [`Cell::Null`] beyond the last one too.
+    /// The cell of `row`; [`Cell::Null`] beyond the last row too.
     pub(crate) fn get(&self, row: usize) -> Cell {
         fn of<T: Clone>(cells: &[Option<T>], row: usize, as_cell: fn(T) -> Cell) -> Cell {
             cells
@@ -84,7 +84,7 @@ impl Cells {
         }
     }
 
-    /// As f64; `None` of truth values and text.
+    /// The cells as f64; `None` for truth values and text.
     pub(crate) fn numbers(self) -> Option<Vec<Option<f64>>> {
         match self {
             Self::Numbers(cells) => Some(cells),

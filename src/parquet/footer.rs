@@ -19,17 +19,17 @@ pub(super) enum Physical {
 /// One leaf of the schema.
 #[derive(Debug, Clone)]
 pub(super) struct Leaf {
-    /// The name of the column that it belongs to.
+    /// The name of its column.
     pub(super) column: String,
-    /// Absent for what is none of these.
+    /// The type of its values; absent if it is none of these.
     pub(super) physical: Option<Physical>,
-    /// Whether its whole numbers have no sign.
+    /// Whether its whole numbers are unsigned.
     pub(super) unsigned: bool,
-    /// A value with this definition level is there.
+    /// The definition level of a value that is present.
     pub(super) max_definition: u32,
-    /// How many lists are around a value.
+    /// The number of lists around a value.
     pub(super) max_repetition: u32,
-    /// Whether it is its column's only leaf and the groups above it are those of lists.
+    /// Whether it is its column's only leaf, and the groups above it are only those of lists.
     pub(super) plain: bool,
 }
 
@@ -38,7 +38,7 @@ pub(super) struct Leaf {
 pub(super) struct Chunk {
     pub(super) codec: i64,
     pub(super) values: i64,
-    /// Where its first page is.
+    /// The offset of its first page.
     pub(super) offset: i64,
 }
 
@@ -55,7 +55,7 @@ pub(super) struct Footer {
     pub(super) notes: Vec<(String, String)>,
 }
 
-/// A node of the schema as it is written.
+/// A node of the schema, as the file has it.
 #[derive(Default)]
 struct Node {
     physical: Option<i64>,
@@ -158,7 +158,7 @@ fn chunk(reader: &mut Reader<'_>) -> Result<Chunk, String> {
         }),
         _ => reader.skip(kind),
     })?;
-    // Some writers note a dictionary at 0 where there is none.
+    // Some writers give a dictionary the offset 0 if there is none.
     chunk.offset = dictionary
         .filter(|&offset| offset > 0)
         .map_or(chunk.offset, |offset| offset.min(chunk.offset));
@@ -178,13 +178,14 @@ fn note(reader: &mut Reader<'_>) -> Result<(String, String), String> {
     Ok((key, value))
 }
 
-/// The leaves of the tree whose nodes come parents first.
+/// The leaves of a tree whose `nodes` list parents before children.
 fn leaves(nodes: &[Node]) -> Result<Vec<Leaf>, String> {
     const REQUIRED: i64 = 0;
     const REPEATED: i64 = 2;
     const UNSIGNED: std::ops::RangeInclusive<i64> = 11..=14; // of 8 to 64 bits
     let (root, nodes) = nodes.split_first().ok_or("it describes no columns")?;
-    // For each open group: children to come, and the levels and column of what is in it.
+    // One entry for each open group: the children to come, and the levels and column of its
+    // content.
     let mut open = vec![(root.children, 0, 0, None::<String>, true)];
     let mut leaves: Vec<Leaf> = Vec::new();
     for node in nodes {

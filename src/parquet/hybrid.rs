@@ -24,7 +24,7 @@ pub(super) fn hybrid(bytes: &[u8], width: u32, n: usize) -> Result<Vec<u32>, Str
         } else {
             let packed = usize::try_from(header >> 1)
                 .map_or(left, |groups| groups.saturating_mul(8).min(left));
-            // The last group may be cut where no number is left.
+            // The last group may be cut off where no number is left.
             let stored = (header >> 1)
                 .saturating_mul(u64::from(width))
                 .min(reader.rest.len() as u64);
@@ -38,7 +38,7 @@ pub(super) fn hybrid(bytes: &[u8], width: u32, n: usize) -> Result<Vec<u32>, Str
     Ok(numbers)
 }
 
-/// The `width` bits of `bytes` from bit `start` on, which must be there.
+/// The `width` bits of `bytes` from bit `start` on, which must exist.
 fn bits(bytes: &[u8], start: u64, width: u32) -> u32 {
     let first = (start / 8) as usize;
     let last = bytes.len().min(first + 5);

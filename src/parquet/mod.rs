@@ -1,4 +1,4 @@
-//! Parquet files, read without believing them.
+//! Parquet files, read without trusting them.
 //!
 //! polars writes this crate's files but does not read them. It reserves whatever memory a file
 //! claims to need, so that one flipped bit can abort the process, past every handler; and

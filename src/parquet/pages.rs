@@ -12,7 +12,7 @@ use super::{
 /// The largest page, bytes once decompressed; writers make pages of about a megabyte.
 const MAX_PAGE: usize = 1 << 28;
 
-/// What has been read of a column.
+/// A column as far as it has been read.
 pub(super) struct Column {
     pub(super) values: Values,
     /// For a column of lists, the length of each row.
@@ -29,7 +29,7 @@ struct Page {
     compressed_size: i64,
     values: i64,
     encoding: i64,
-    /// Bytes of definition and repetition levels, where the header tells (version 2).
+    /// Bytes of definition and repetition levels, if the header tells them (version 2).
     definition_bytes: i64,
     repetition_bytes: i64,
     compressed: bool,
@@ -46,8 +46,8 @@ impl Page {
                 (1, Kind::Int) => page.kind = reader.int()?,
                 (2, Kind::Int) => page.size = reader.int()?,
                 (3, Kind::Int) => page.compressed_size = reader.int()?,
-                // The headers of data, dictionary and version 2 data pages; a page has the one of
-                // its kind.
+                // The headers of data, dictionary and version 2 data pages; each page has the one
+                // of its kind.
                 (5 | 7 | 8, Kind::Struct) => reader.structure(|reader, field, kind| {
                     match (id, field, kind) {
                         (_, 1, Kind::Int) => page.values = reader.int()?,
@@ -90,6 +90,7 @@ pub(super) fn read_chunk(
         let page = Page::read(&mut reader)?;
         let stored = reader.take(size(page.compressed_size)?)?;
         let n = size(page.values)?;
+        // Before anything is decompressed, since these sizes are only claims.
         if n > budget.numbers || size(page.size)? > budget.bytes.min(MAX_PAGE) {
             return Err("more than is read".into());
         }
@@ -117,13 +118,14 @@ pub(super) fn read_chunk(
                 entries.extend_plain(&bytes, n, budget)?;
                 dictionary = Some(entries);
             }
+            // An index page holds no values.
             _ => {}
         }
     }
     Ok(())
 }
 
-/// Appends a data page.
+/// Appends a data page to the column.
 fn data_page(
     leaf: &Leaf,
     chunk: &Chunk,
@@ -137,6 +139,7 @@ fn data_page(
     let (definition_width, repetition_width) =
         (width(leaf.max_definition), width(leaf.max_repetition));
     let decompressed;
+    // Version 2 keeps the levels outside the compression, version 1 inside it.
     let (repetitions, definitions, rest) = if page.kind == 3 {
         let mut levels = Reader { rest: stored };
         let repetitions = levels.take(size(page.repetition_bytes)?)?;
@@ -221,7 +224,7 @@ fn width(most: u32) -> u32 {
     u32::BITS - most.leading_zeros()
 }
 
-/// `stored` as it was before compression: `size` bytes.
+/// `stored` without compression: `size` bytes.
 fn decompress(codec: i64, stored: &[u8], size: usize) -> Result<Vec<u8>, String> {
     let damaged = |error: String| format!("a page does not decompress: {error}");
     let bytes = match codec {

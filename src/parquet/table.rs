@@ -9,22 +9,22 @@ use super::{
     values::{Budget, Values},
 };
 
-/// The most numbers read of a column: 256 MiB of f64, three hundred times what a demonstration of
-/// Ant's holds.
+/// The most numbers that are read of a column: 256 MiB of f64, three hundred times as many as a
+/// demonstration of Ant holds.
 pub(crate) const MAX_NUMBERS: usize = 1 << 25;
 
 /// The most bytes decompressed for a column.
 const MAX_DECOMPRESSED: usize = 1 << 31;
 
-/// The same for a column of cells, whose values are single and whose text is bounded besides, at
-/// each place that it stands.
+/// The most bytes decompressed for a column of cells.
+/// Its values are single, and its text is bounded too, each time that it occurs.
 const MAX_CELLS_BYTES: usize = 1 << 28;
 const MAX_TEXT: usize = 1 << 27;
 
-/// Keys of notes that writers of Parquet add for themselves.
+/// Keys of notes that Parquet writers add on their own.
 const WRITERS_KEYS: [&str; 2] = ["ARROW:schema", "pandas"];
 
-/// The file, of which each column is decoded when it is asked for.
+/// A file whose columns are decoded when they are asked for.
 pub(crate) struct Table {
     file: Vec<u8>,
     footer: Footer,
@@ -37,12 +37,12 @@ impl Table {
         Ok(Self { file, footer })
     }
 
-    /// How many rows there are.
+    /// The number of rows.
     pub(crate) fn rows(&self) -> usize {
         self.footer.rows
     }
 
-    /// The key-value metadata, less what writers add for themselves.
+    /// The key-value metadata, without the notes that writers add on their own.
     pub(crate) fn notes(&self) -> Vec<(String, String)> {
         self.footer
             .notes
@@ -94,7 +94,7 @@ impl Table {
         }
     }
 
-    /// The cells of column `name`, which has one or none a row.
+    /// The cells of column `name`, which has at most one value a row.
     pub(crate) fn cells(&self, name: &str) -> Result<Cells, String> {
         let mut leaves = self
             .footer
@@ -124,7 +124,7 @@ impl Table {
         Ok(Cells::new(values, leaf.unsigned, &there))
     }
 
-    /// The lists of column `name`, one a column of the matrix.
+    /// The lists of column `name`, each a column of the matrix.
     pub(crate) fn lists(&self, name: &str) -> Result<DMatrix<f64>, String> {
         let expected = "a list of f64";
         let (values, lengths) = self.column(name, 1, expected)?;
@@ -139,7 +139,7 @@ impl Table {
         }
     }
 
-    /// The values of column `name`, lists or single ones, and how many a row has.
+    /// The values of column `name`, lists or single ones, and how many each row has.
     pub(crate) fn values(&self, name: &str) -> Result<(Values, usize), String> {
         let lists = self
             .footer
@@ -151,7 +151,7 @@ impl Table {
         Ok((values, equal_lengths(name, &lengths)?.unwrap_or(1)))
     }
 
-    /// The values of column `name`, which must have one a row.
+    /// The values of column `name`, which must have one in each row.
     pub(crate) fn flat(&self, name: &str, expected: &str) -> Result<Values, String> {
         Ok(self.column(name, 0, expected)?.0)
     }
@@ -163,7 +163,7 @@ impl Table {
         )
     }
 
-    /// The values of column `name`, whose rows are in as many `lists`, and then each row's length.
+    /// The values of column `name`, nested in `lists` lists a row, and each row's length.
     fn column(
         &self,
         name: &str,
@@ -198,6 +198,7 @@ impl Table {
         let budget = Budget {
             numbers: MAX_NUMBERS,
             bytes: MAX_DECOMPRESSED,
+            // Text was refused above.
             text: 0,
         };
         let column = self.read(
@@ -245,7 +246,7 @@ impl Table {
     }
 }
 
-/// The length that all rows of column `name` have; absent where there are none.
+/// The common length of the rows of column `name`; absent if there are no rows.
 fn equal_lengths(name: &str, lengths: &[usize]) -> Result<Option<usize>, String> {
     let Some(&width) = lengths.first() else {
         return Ok(None);
@@ -259,7 +260,7 @@ fn equal_lengths(name: &str, lengths: &[usize]) -> Result<Option<usize>, String>
     }
 }
 
-/// What to say of a column of another type.
+/// The message about a column of another type.
 fn wrong_type(name: &str, found: &str, expected: &str) -> String {
     format!("its column `{name}` holds {found}; expected {expected}")
 }

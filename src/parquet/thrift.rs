@@ -1,18 +1,18 @@
-//! Thrift's compact protocol, in which Parquet describes itself: reading alone, and nothing a file
-//! claims is believed.
+//! A reader of Thrift's compact protocol, in which Parquet describes itself; it trusts nothing that
+//! a file claims.
 
-/// The most elements of one list: no file of ours has as many columns, row groups or notes.
+/// The most elements of one list; no file of ours has as many columns, row groups or notes.
 const MAX_ELEMENTS: u64 = 100_000;
 
-/// How deep structures nest at most.
+/// The deepest nesting of structures.
 const MAX_DEPTH: usize = 16;
 
-/// What kind of value a field holds.
+/// The kind of a field's value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     Bool(bool),
     Byte,
-    /// Of 16, 32 or 64 bits.
+    /// A number of 16, 32 or 64 bits.
     Int,
     Double,
     Binary,
@@ -61,7 +61,7 @@ impl<'a> Reader<'a> {
         Ok(self.take(1)?[0])
     }
 
-    /// An unsigned number of seven bits a byte.
+    /// An unsigned number with seven bits in each byte.
     pub(super) fn varint(&mut self) -> Result<u64, String> {
         let mut value = 0;
         for shift in (0..64).step_by(7) {
@@ -74,7 +74,7 @@ impl<'a> Reader<'a> {
         Err("a number is longer than 64 bits".into())
     }
 
-    /// A signed number, its sign in the lowest bit.
+    /// A signed number, with its sign in the lowest bit.
     pub(super) fn int(&mut self) -> Result<i64, String> {
         let value = self.varint()?;
         Ok((value >> 1) as i64 ^ -((value & 1) as i64))
@@ -117,7 +117,7 @@ impl<'a> Reader<'a> {
         Ok((size, Kind::of(header & 15)?))
     }
 
-    /// The fields of a structure: `field` is given each one's number and kind, and reads or
+    /// Reads the fields of a structure: `field` gets each one's number and kind, and reads or
     /// [`skip`](Reader::skip)s it.
     pub(super) fn structure(
         &mut self,
@@ -173,7 +173,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// As [`skip`](Reader::skip), but within a collection a truth value takes a byte.
+    /// As [`skip`](Reader::skip) for an element of a collection, where a truth value takes a byte.
     fn skip_element(&mut self, kind: Kind, depth: usize) -> Result<(), String> {
         if let Kind::Bool(_) = kind {
             self.byte().map(drop)

@@ -1,10 +1,10 @@
-//! A column's values as they are decoded, and how much of a file may be.
+//! A column's decoded values, and the bounds on how much of a file is decoded.
 
 use std::sync::Arc;
 
 use super::{footer::Physical, thrift::Reader};
 
-/// What a text takes beside its bytes.
+/// The memory of a text beside its bytes.
 const ENTRY: usize = 32;
 
 /// A column's values, one after another.
@@ -19,7 +19,7 @@ pub(crate) enum Values {
 }
 
 impl Values {
-    /// None yet, of the type `physical`.
+    /// An empty column of the type `physical`.
     pub(super) fn none(physical: Physical) -> Self {
         match physical {
             Physical::Bool => Self::Bool(vec![]),
@@ -31,7 +31,7 @@ impl Values {
         }
     }
 
-    /// None yet, of the same type.
+    /// An empty column of the same type.
     pub(super) fn none_yet(&self) -> Self {
         match self {
             Self::Bool(_) => Self::Bool(vec![]),
@@ -43,7 +43,7 @@ impl Values {
         }
     }
 
-    /// Their type, as a message calls it.
+    /// The values' type, in the words of a message.
     pub(super) fn name(&self) -> &'static str {
         match self {
             Self::Bool(_) => "bool",
@@ -55,7 +55,7 @@ impl Values {
         }
     }
 
-    /// How many there are.
+    /// The number of values.
     pub(crate) fn len(&self) -> usize {
         match self {
             Self::Bool(values) => values.len(),
@@ -67,7 +67,7 @@ impl Values {
         }
     }
 
-    /// As f64, truth values as 0 and 1; `None` of text.
+    /// The values as f64, truth values as 0 and 1; `None` for text.
     pub(crate) fn widened(self) -> Option<Vec<f64>> {
         Some(match self {
             Self::Bool(values) => values
@@ -82,7 +82,7 @@ impl Values {
         })
     }
 
-    /// Appends `n` values that `bytes` hold one after another; text at the expense of `budget`.
+    /// Appends `n` values that stand in `bytes` one after another; text counts against `budget`.
     pub(super) fn extend_plain(
         &mut self,
         bytes: &[u8],
@@ -120,7 +120,7 @@ impl Values {
         Ok(())
     }
 
-    /// Appends the values of `dictionary` at `indices`; text at the expense of `budget`.
+    /// Appends the values of `dictionary` at `indices`; text counts against `budget`.
     pub(super) fn extend_from(
         &mut self,
         dictionary: &Self,
@@ -160,13 +160,13 @@ impl Values {
     }
 }
 
-/// What may still be read of a file, so that a small file cannot fill the memory.
+/// The amount that may still be read of a file, so that a small file cannot fill the memory.
 pub(super) struct Budget {
-    /// Values, gaps among them.
+    /// The count of values, gaps included.
     pub(super) numbers: usize,
-    /// Bytes that are decompressed.
+    /// The count of decompressed bytes.
     pub(super) bytes: usize,
-    /// Bytes of text, as often as it stands in a row or a dictionary.
+    /// Bytes of text, counted as often as it stands in a row or a dictionary.
     pub(super) text: usize,
 }
 

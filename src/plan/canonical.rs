@@ -1,10 +1,10 @@
-//! The canonical form of a run: what decides its numbers, as text that outlives the types it came
-//! from.
+//! The canonical form of a run: everything that decides its numbers, as text that outlives the
+//! types it came from.
 //!
-//! Owns which keys count and how values are written. One line a key, `mcpo.max_kl = 0.005`, in the
-//! keys' order; numbers by value, so that it does not matter whether a type holds them as whole or
-//! not; what is absent has no line. Fingerprints are digests of this text: whoever changes it voids
-//! every recorded run. Start at [`canonical`].
+//! Owns which keys count and how values are written. A key has one line, `mcpo.max_kl = 0.005`, in
+//! the keys' order. Numbers are written by value, whether a type holds them as whole or not; an
+//! absent value has no line. Fingerprints are digests of this text: whoever changes it voids every
+//! recorded run. Start at [`canonical`].
 
 use std::collections::BTreeMap;
 
@@ -13,22 +13,22 @@ use serde_json::Value;
 use super::RunSpec;
 use crate::spec::Algorithm;
 
-/// Keys that are no settings: names, places, and what reports are made of.
+/// Keys that are no settings: names, places, and the input of reports.
 const NAMES: [&str; 5] = ["experiment", "id", "axes", "columns", "demonstration"];
-/// Settings that cannot change training: how long it goes on, how it is watched, and what is kept
-/// of it.
+/// Settings that cannot change training: its length, how it is watched, and what is kept of it.
 const WATCHING: [&str; 3] = ["budget", "evaluation", "checkpoint"];
 
-/// Settings that came after runs of record, each with the value under which nothing changes, as
-/// JSON; hyperparameters that did stand in their [algorithms'
+/// Settings that are newer than some recorded runs, each with its neutral value, under which
+/// nothing changes, as JSON.
+/// Hyperparameters that are newer stand in their [algorithms'
 /// definitions](crate::spec::Algorithm::later).
 ///
-/// A run with that value has the fingerprint that it had before the key was there, and a record
-/// that does not name the key is read as if it did. So a new setting needs a line here, and voids
-/// the runs alone that set it otherwise.
+/// A run with the neutral value has the fingerprint that it had before the key was there, and a
+/// record that does not name the key is read as if it had that value. So a new setting needs a line
+/// here, and voids only the runs that set it otherwise.
 const LATER: &[(&str, &str)] = &[];
 
-/// All keys that came after runs of record, each with its neutral value.
+/// All keys that are newer than some recorded runs, each with its neutral value.
 fn later() -> Vec<(String, &'static str)> {
     let settings = LATER
         .iter()
@@ -36,12 +36,12 @@ fn later() -> Vec<(String, &'static str)> {
     settings.chain(Algorithm::later()).collect()
 }
 
-/// What decides the numbers of `run`, by key.
+/// The values that decide the numbers of `run`, by key.
 pub(super) fn canonical(run: &RunSpec) -> BTreeMap<String, String> {
     without_neutral(decisive(&all(run)), &later())
 }
 
-/// Every setting and hyperparameter of `run`, by key; names and places are none.
+/// Every setting and hyperparameter of `run`, by key, without names and places.
 pub(super) fn all(run: &RunSpec) -> BTreeMap<String, String> {
     let mut lines = BTreeMap::from([(
         "algorithm".to_owned(),
@@ -57,8 +57,8 @@ pub(super) fn all(run: &RunSpec) -> BTreeMap<String, String> {
         match name.as_str() {
             // Hyperparameters are named as in a matrix: `mcpo.d`.
             "algorithm" => flatten(String::new(), &value, &mut lines),
-            // Of a robot of one's own its name and its table; the model is told by its digest,
-            // wherever it stands.
+            // A user's robot counts with its name and its table; a digest stands for its model,
+            // wherever that lies.
             "env" if value.is_object() => {
                 flatten(name, &value["name"], &mut lines);
                 flatten("env".to_owned(), &value["robot"], &mut lines);
@@ -69,7 +69,7 @@ pub(super) fn all(run: &RunSpec) -> BTreeMap<String, String> {
     lines
 }
 
-/// Those of `lines` that can change training.
+/// The `lines` that can change training.
 fn decisive(lines: &BTreeMap<String, String>) -> BTreeMap<String, String> {
     let decides = |key: &str| !WATCHING.contains(&key.split('.').next().unwrap_or(key));
     lines
@@ -79,7 +79,7 @@ fn decisive(lines: &BTreeMap<String, String>) -> BTreeMap<String, String> {
         .collect()
 }
 
-/// `lines` without those whose values change nothing.
+/// `lines` without those of neutral values.
 fn without_neutral(
     mut lines: BTreeMap<String, String>,
     later: &[(String, &str)],
@@ -97,7 +97,7 @@ fn without_neutral(
     lines
 }
 
-/// The run in `spec`, as a stamp holds it, also where an older program wrote it.
+/// The run in `spec`, which is a stamp's, even an older program's.
 ///
 /// # Errors
 ///
@@ -106,7 +106,7 @@ pub fn recorded(spec: &Value) -> Result<RunSpec, serde_json::Error> {
     serde_json::from_value(with_later(spec.clone(), &later()))
 }
 
-/// `spec` with the settings that its program did not know yet.
+/// `spec` with the neutral values of the settings that its program did not know yet.
 fn with_later(mut spec: Value, later: &[(String, &str)]) -> Value {
     for (key, neutral) in later {
         let (place, name) = match key.rsplit_once('.') {
@@ -130,7 +130,7 @@ fn json(text: &str) -> Value {
     serde_json::from_str(text).expect("values in the table of later keys are JSON")
 }
 
-/// Adds the lines of `value`, which stands at `key`.
+/// Adds the lines of `value`, whose key is `key`.
 fn flatten(key: String, value: &Value, lines: &mut BTreeMap<String, String>) {
     match value {
         Value::Object(fields) => {
@@ -153,12 +153,12 @@ fn flatten(key: String, value: &Value, lines: &mut BTreeMap<String, String>) {
     }
 }
 
-/// `0.005`, `5` for five whether whole or not, `0` for negative zero, `true`, `"rollout"`, `[300,
-/// 400]`.
+/// A value as text: `0.005`, `5` for five whether whole or not, `0` for negative zero, `true`,
+/// `"rollout"`, `[300, 400]`.
 fn text(value: &Value) -> String {
     match value {
         Value::Number(number) if number.is_f64() => {
-            // The shortest digits that come back to the same number, never with an exponent.
+            // The shortest digits that parse to the same number, never with an exponent.
             let number = number
                 .as_f64()
                 .filter(|number| *number != 0.0)

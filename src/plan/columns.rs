@@ -11,22 +11,23 @@ use toml::Value;
 use super::{ALWAYS, RunSpec, id::short};
 use crate::spec::{Axis, ExperimentSpec, Kind, Parameter};
 
-/// A run's value of an axis, of the type of its column; `None` where the run has no such thing.
+/// A run's value of an axis, of the type of its column; `None` if the run has no such key.
 #[derive(Debug, Clone, PartialEq)]
 pub enum AxisValue {
-    /// Of a column of numbers.
+    /// A value in a column of numbers.
     Number(Option<f64>),
-    /// Of a column of whole numbers.
+    /// A value in a column of whole numbers.
     Whole(Option<i64>),
-    /// Of a column of truth values.
+    /// A value in a column of truth values.
     Truth(Option<bool>),
-    /// Of a column of words: choices and lists as in the names of runs.
+    /// A value in a column of words: choices and lists, as in the names of runs.
     Text(Option<String>),
 }
 
-/// The axes of `spec`, in order, each once; those that every table has as columns of their own are
-/// not among them. Where a number may also be given in another form, as a tolerance may be a share,
-/// that form has a column beside the number's: `d.relative`.
+/// The axes of `spec`, in order, each once, without those that every table has as columns of their
+/// own.
+/// Where a number may also be given in another form, as a tolerance may be a share, that form has a
+/// column beside the number's: `d.relative`.
 pub(super) fn keys(spec: &ExperimentSpec) -> Vec<String> {
     let mut keys: Vec<String> = Vec::new();
     for Axis { parameter, values } in spec.matrix.iter().flat_map(|block| &block.axes) {
@@ -51,7 +52,7 @@ pub(super) fn keys(spec: &ExperimentSpec) -> Vec<String> {
 }
 
 impl RunSpec {
-    /// The axes of its whole experiment, `d` and `epsilon` apart, with this run's values.
+    /// This run's values of the axes of the whole experiment, without `d` and `epsilon`.
     pub fn axis_columns(&self) -> BTreeMap<String, AxisValue> {
         self.columns
             .iter()
@@ -60,7 +61,7 @@ impl RunSpec {
     }
 
     fn axis_value(&self, key: &str) -> Option<AxisValue> {
-        // An axis of demonstrations is told by what tells its files apart.
+        // An axis of demonstrations shows the part of their names that tells the files apart.
         let value = self.axes.get(key).cloned().or_else(|| self.value(key));
         let Some(parameter) = Parameter::find(key) else {
             let (outer, form) = key.rsplit_once('.')?;

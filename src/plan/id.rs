@@ -7,7 +7,7 @@ use std::{
 
 use toml::Value;
 
-/// Longer names are cut, and told apart by a digest.
+/// The longest name; a longer one is cut, and told apart by a digest.
 const LONGEST: usize = 120;
 
 /// The name of the folder of `algorithm` under `axes`: `mcpo-d=0.001-epsilon=0`.
@@ -39,7 +39,7 @@ pub(super) fn short(value: &Value) -> String {
         Value::Array(values) => values.iter().map(short).collect::<Vec<_>>().join("x"),
         Value::Table(table) => {
             let parts = table.iter().map(|(name, value)| match value {
-                // The one field of a choice needs no name.
+                // A choice with one field is told by its value alone.
                 Value::Table(fields) => {
                     let fields = fields.values().map(short).collect::<Vec<_>>();
                     format!("{name}-{}", fields.join("-"))
@@ -52,8 +52,8 @@ pub(super) fn short(value: &Value) -> String {
     }
 }
 
-/// What to call the file `path` among `all`: its name without the ending, and as much of its
-/// folders as tells it apart from the others; `good/Hopper-v2` beside `poor/Hopper-v2`.
+/// The name of the file `path` among `all`: its name without the ending, and as many of its folders
+/// as tell it apart from the others; `good/Hopper-v2` beside `poor/Hopper-v2`.
 pub(super) fn among(path: &Path, all: &BTreeSet<PathBuf>) -> String {
     let parts = |path: &Path| -> Vec<String> {
         let stem = path.with_extension("");

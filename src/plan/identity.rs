@@ -1,4 +1,5 @@
-//! When two runs are the same run: the fingerprint, and what differs where they are not.
+//! Decides when two runs are the same run, by their fingerprints, and tells the differences if they
+//! are not.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -11,30 +12,30 @@ use crate::{
     spec::{Algorithm, Parameter, Settings},
 };
 
-/// The version of the canonical text; another one voids every recorded run.
+/// The version of the canonical text; a new one voids every recorded run.
 const FORM: u32 = 1;
 
-/// The versions that matter for a run's numbers: of what it uses alone, so that a change elsewhere
-/// leaves it valid.
+/// The versions that matter for a run's numbers: only those of parts that it uses, so that a change
+/// elsewhere leaves it valid.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Versions {
     /// The revisions of the parts of its algorithm, by their names.
     pub revisions: BTreeMap<String, u32>,
     /// The revision of its environment.
     pub env: u32,
-    /// The version of MuJoCo; absent where the environment does without.
+    /// The version of MuJoCo; absent if the environment does without.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub mujoco: Option<String>,
-    /// A digest of the environment's model; absent likewise.
+    /// A digest of the environment's model; absent if it has none.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub model: Option<String>,
 }
 
 impl RunSpec {
-    /// What identifies this run's numbers: the first 16 hexadecimal digits of the BLAKE3 digest of
-    /// its canonical form with its demonstration's content digest and `versions`. Names, paths, the
-    /// budget, `evaluation.*` and `checkpoint.*` do not count: whatever they are, training takes
-    /// the same steps.
+    /// The identity of this run's numbers: the first 16 hexadecimal digits of the BLAKE3 digest of
+    /// its canonical form with its demonstration's content digest and `versions`.
+    /// Names, paths, the budget, `evaluation.*` and `checkpoint.*` do not count: whatever they are,
+    /// training takes the same steps.
     pub fn fingerprint(&self, demonstration_digest: Option<&str>, versions: &Versions) -> String {
         blake3::hash(
             self.canonical_text(demonstration_digest, versions)
@@ -63,9 +64,9 @@ impl RunSpec {
             .collect()
     }
 
-    /// Everything that is set but for the seed, as one text: runs of one experiment with one
-    /// identity and seed are one. How often a run saves what it could go on from makes no other
-    /// run.
+    /// Every setting except the seed as one text.
+    /// Runs of one experiment with the same identity and seed are one run.
+    /// How often a run saves its checkpoint does not count.
     pub(super) fn identity(&self) -> String {
         let mut lines = all(self);
         lines.remove("checkpoint.every_seconds");
@@ -74,7 +75,7 @@ impl RunSpec {
     }
 
     /// The steps that training takes: the budget, rounded up to whole rollouts; 0 for an algorithm
-    /// that takes none.
+    /// that does not train in the environment.
     pub fn trained_steps(&self) -> u64 {
         let steps = self.rollout.steps.get();
         if self.algorithm.trains() {
@@ -88,15 +89,15 @@ impl RunSpec {
         }
     }
 
-    /// Whether the rollout that its budget ends in makes it longer by more than a hundredth.
+    /// Whether rounding up to whole rollouts makes the run longer by more than a hundredth.
     pub fn trains_noticeably_longer(&self) -> bool {
         let budget = self.budget.env_steps.get();
         self.trained_steps() > budget.saturating_add(budget / 100)
     }
 
-    /// The settings and hyperparameters that are not the defaults of its environment and algorithm:
-    /// `mcpo.mmd.bandwidth`, `reward`. Those that only say how long it is, how it is evaluated and
-    /// what it saves do not count, nor does the demonstration.
+    /// The settings and hyperparameters that are not the defaults of its environment and algorithm,
+    /// such as `mcpo.mmd.bandwidth` or `reward`.
+    /// Its length, its evaluation, its checkpoints and its demonstration do not count.
     pub fn departures(&self) -> BTreeSet<String> {
         let defaults = Settings::defaults(self.env, self.algorithm_name(), self.budget.env_steps);
         let algorithm =
@@ -125,13 +126,14 @@ impl RunSpec {
     }
 }
 
-/// What decides training and differs between `recorded` and `wanted`: keys with both values, as in
-/// `mcpo.d: 0.001 -> 0.01`; empty when nothing does.
+/// The values that decide training and differ between `recorded` and `wanted`, with both values, as
+/// in `mcpo.d: 0.001 -> 0.01`; empty if none differs.
 pub fn differences(recorded: &RunSpec, wanted: &RunSpec) -> Vec<String> {
     told(&canonical(recorded), &canonical(wanted))
 }
 
-/// In what `wanted` is evaluated otherwise than `recorded` was, in the same words.
+/// The differences in evaluation between `recorded` and `wanted`, in the same form as
+/// [`differences`].
 pub fn evaluated_otherwise(recorded: &RunSpec, wanted: &RunSpec) -> Vec<String> {
     let evaluation = |run| {
         let mut lines = all(run);
@@ -141,7 +143,8 @@ pub fn evaluated_otherwise(recorded: &RunSpec, wanted: &RunSpec) -> Vec<String> 
     told(&evaluation(recorded), &evaluation(wanted))
 }
 
-/// Whatever is set otherwise in `wanted` than in `recorded`, in the same words.
+/// All differences in settings between `recorded` and `wanted`, in the same form as
+/// [`differences`].
 pub(super) fn all_differences(recorded: &RunSpec, wanted: &RunSpec) -> Vec<String> {
     let mut lines = [all(recorded), all(wanted)];
     for (lines, run) in lines.iter_mut().zip([recorded, wanted]) {

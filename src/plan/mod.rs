@@ -62,9 +62,9 @@ pub struct RunSpec {
     pub network: Network,
     /// How experience is collected.
     pub rollout: Rollout,
-    /// How long the run is.
+    /// The length of the run.
     pub budget: Budget,
-    /// How and when it is evaluated.
+    /// How and when the run is evaluated.
     pub evaluation: Evaluation,
     /// When checkpoints are written.
     pub checkpoint: Checkpoint,
@@ -81,7 +81,7 @@ pub enum PlanError {
     SameId {
         /// The id.
         id: String,
-        /// What differs.
+        /// The differences between the two runs.
         differences: Vec<String>,
     },
 }
@@ -89,7 +89,7 @@ pub enum PlanError {
 /// The axes that every run of an algorithm that has them carries, varied or not.
 const ALWAYS: [&str; 2] = ["d", "epsilon"];
 
-/// The key whose values are files.
+/// The key whose values are demonstrations' files.
 const DEMONSTRATIONS: &str = "demonstrations";
 
 /// Every run of `spec`, each once: block after block, in each by environment, algorithm, axes (the
@@ -105,6 +105,7 @@ pub fn plan(spec: &ExperimentSpec) -> Result<Vec<RunSpec>, PlanError> {
     let mut known = HashSet::new();
     let mut ids: HashMap<String, usize> = HashMap::new();
     let columns = columns::keys(spec);
+    // A run's name depends on the demonstrations of all blocks, so all are resolved first.
     let mut resolved = Vec::new();
     let mut demonstrations: BTreeMap<EnvId, BTreeSet<PathBuf>> = BTreeMap::new();
     for block in &spec.matrix {
@@ -129,9 +130,10 @@ pub fn plan(spec: &ExperimentSpec) -> Result<Vec<RunSpec>, PlanError> {
             demonstrations: &demonstrations[&env],
         };
         let run = RunSpec::new(spec, env, settings, algorithm, &keys, names);
-        // Of all its seeds at once: there may be many.
+        // Once for all its seeds: there may be many.
         let identity = blake3::hash(run.identity().as_bytes());
         for &seed in &block.seed {
+            // A run that several blocks name stands where the first one names it.
             if !known.insert((identity, seed)) {
                 continue;
             }
@@ -154,17 +156,17 @@ pub fn plan(spec: &ExperimentSpec) -> Result<Vec<RunSpec>, PlanError> {
     Ok(runs)
 }
 
-/// What names a run's axes.
+/// The context for the names of a run's axes.
 #[derive(Clone, Copy)]
 struct Names<'a> {
     /// The axes of the whole experiment.
     columns: &'a [String],
-    /// The files that are values of the axis of demonstrations, for one environment.
+    /// The files on the axis of demonstrations, for one environment.
     demonstrations: &'a BTreeSet<PathBuf>,
 }
 
 impl RunSpec {
-    /// The run of seed 0, its id without the seed, under the axes `keys`.
+    /// The run of seed 0, its id without the seed, with the axes `keys`.
     fn new(
         spec: &ExperimentSpec,
         env: EnvId,
@@ -206,7 +208,7 @@ impl RunSpec {
         run
     }
 
-    /// The value of the axis `key` as names tell it.
+    /// The value of the axis `key` as it is written in names.
     fn axis(&self, key: &str, names: Names<'_>) -> Option<toml::Value> {
         match (key, &self.demonstration) {
             (DEMONSTRATIONS, Some(path)) => {
@@ -232,12 +234,12 @@ impl RunSpec {
     }
 
     /// The resolved value of `env`, `algorithm`, `seed`, a setting (`budget.env_steps`) or a
-    /// hyperparameter (`d`, `mcpo.max_kl`); `None` where this run has no such thing.
+    /// hyperparameter (`d`, `mcpo.max_kl`); `None` if this run has no such key.
     pub fn value(&self, key: &str) -> Option<toml::Value> {
         self.values().get(&Key::parse(key)?)
     }
 
-    /// All of its values, for looking up many.
+    /// All values, for many look-ups.
     pub fn values(&self) -> Values {
         Values::of(self)
     }

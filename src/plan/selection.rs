@@ -1,4 +1,4 @@
-//! Which runs a selection means.
+//! Matches runs with selections.
 
 use std::{collections::BTreeSet, path::Path};
 
@@ -11,12 +11,12 @@ use super::{
 use crate::spec::{Key, Parameter};
 
 impl Selection {
-    /// Whether `run` is meant. Numbers are compared as numbers: `1e-3` is 0.001.
+    /// Whether this selection includes `run`. Numbers are compared as numbers: `1e-3` is 0.001.
     pub fn matches(&self, run: &RunSpec) -> bool {
         self.matches_values(&run.values())
     }
 
-    /// The same of a run whose values are known.
+    /// As [`matches`](Self::matches), for a run whose values are known.
     pub fn matches_values(&self, run: &Values) -> bool {
         let listed = |(key, values): &(Key, Vec<Value>)| {
             run.get(key)
@@ -33,7 +33,7 @@ fn same(key: &Key, value: &Value, wanted: &Value) -> bool {
             .is_some_and(|wanted| called(key, value, wanted))
 }
 
-/// Whether both are the same value, 1 and 1.0 alike, by themselves as in a list or a table.
+/// Whether both are the same value; 1 and 1.0 are, alone or inside a list or table.
 fn equal(one: &Value, other: &Value) -> bool {
     match (one, other) {
         (Value::Array(one), Value::Array(other)) => {
@@ -52,7 +52,7 @@ fn equal(one: &Value, other: &Value) -> bool {
     }
 }
 
-/// Whether `wanted` is what `value` is called in the names of runs.
+/// Whether the names of runs write `value` as `wanted`.
 fn called(key: &Key, value: &Value, wanted: &str) -> bool {
     match value {
         Value::String(path) if is_of_files(key) => {

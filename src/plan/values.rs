@@ -3,18 +3,17 @@
 use super::RunSpec;
 use crate::spec::{Key, Parameter};
 
-/// What a run's keys stand for; see [`RunSpec::value`].
+/// The values of a run's keys; see [`RunSpec::value`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Values {
     algorithm: &'static str,
-    /// Everything that is set, but for the algorithm, by the keys of the file; `env` and `seed`
-    /// too.
+    /// Everything that is set except the algorithm, by the keys of the file; also `env` and `seed`.
     settings: toml::Table,
     hyperparameters: toml::Table,
 }
 
 impl Values {
-    /// Those of `run`.
+    /// The values of `run`.
     pub(super) fn of(run: &RunSpec) -> Self {
         let mut settings =
             toml::Table::try_from(run).expect("a run is tables of numbers, names and lists");
@@ -29,8 +28,8 @@ impl Values {
         }
     }
 
-    /// The value of `env`, `algorithm`, `seed`, a setting or a hyperparameter; `None` where the run
-    /// has no such thing.
+    /// The value of `env`, `algorithm`, `seed`, a setting or a hyperparameter; `None` if the run
+    /// has no such key.
     pub fn get(&self, key: &Key) -> Option<toml::Value> {
         match key {
             Key::Algorithm => Some(self.algorithm.into()),

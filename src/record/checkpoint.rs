@@ -11,9 +11,9 @@ use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use super::{RecordError, read_bounded, write_atomically};
 use crate::train::{EvaluationEpisode, Iteration};
 
-/// What a checkpoint's first line says.
+/// The name in a checkpoint's first line.
 const NAME: &str = "mcpo-run checkpoint";
-/// The version of payloads; raise it when [`Checkpoint`], whatever is inside `state`, or an agent
+/// The version of payloads; raise it when [`Checkpoint`], anything inside `state`, or an agent
 /// changes its shape.
 const VERSION: u32 = 2;
 /// The largest sealed file that is read, bytes.
@@ -39,11 +39,11 @@ impl Checkpoint {
         self.iterations.last().map_or(0, |row| row.env_steps)
     }
 
-    /// Writes it, whole or not at all.
+    /// Writes the checkpoint, whole or not at all.
     ///
     /// # Errors
     ///
-    /// The disk refuses; the checkpoint before is then still there.
+    /// The disk refuses; the previous checkpoint is then still there.
     pub fn write(&self, path: &Path, fingerprint: &str) -> Result<(), RecordError> {
         write_sealed(path, NAME, fingerprint, self)
     }
@@ -52,14 +52,15 @@ impl Checkpoint {
     ///
     /// # Errors
     ///
-    /// It is of another version or run, or [damaged](RecordError::Damaged). The file is left alone.
+    /// The checkpoint is of another version or run, or [damaged](RecordError::Damaged). The file is
+    /// left alone.
     pub fn read(path: &Path, fingerprint: &str) -> Result<Option<Self>, RecordError> {
         read_sealed(path, NAME, fingerprint)
     }
 }
 
-/// Writes `content` with the line that `name` is, what it was `written_for`, and its digest; whole
-/// or not at all.
+/// Writes `content` after a head of three lines: `name` and version, `written_for`, and the digest.
+/// The file is written whole or not at all.
 pub(super) fn write_sealed<T: Serialize>(
     path: &Path,
     name: &str,
@@ -73,8 +74,8 @@ pub(super) fn write_sealed<T: Serialize>(
     write_atomically(path, &[head.as_bytes(), &payload].concat())
 }
 
-/// Reads what [`write_sealed`] wrote under the same name and for the same; `None` where there is no
-/// such file.
+/// Reads a file of [`write_sealed`] with the same `name` and `written_for`; `None` where there is
+/// no such file.
 pub(super) fn read_sealed<T: DeserializeOwned>(
     path: &Path,
     name: &str,
@@ -96,9 +97,9 @@ pub(super) fn read_sealed<T: DeserializeOwned>(
 
 /// Why a sealed file is not used.
 enum Refusal {
-    /// Another program or run can use it.
+    /// It belongs to another program or run.
     Foreign(String),
-    /// Nobody can.
+    /// It is of no use to anybody.
     Damaged(String),
 }
 
@@ -135,7 +136,7 @@ fn unsealed<T: DeserializeOwned>(
         .map_err(|error| Refusal::Damaged(format!("its content cannot be decoded: {error}")))
 }
 
-/// The bytes up to a line's end, as text, and what follows.
+/// The first line of `bytes` as text, and the bytes after it.
 fn line(bytes: &[u8]) -> Result<(&str, &[u8]), &'static str> {
     let end = bytes
         .iter()

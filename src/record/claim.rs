@@ -1,13 +1,13 @@
-//! The claim on a run: who holds it may write to the run's folder, on whichever machine.
+//! The claim on a run: its holder may write to the run's folder, on whichever machine.
 //!
 //! Locks of the operating system do not do for this: some network file systems have none, some keep
 //! them on one machine, and some keep those of a machine that is gone. A claim is a file that names
-//! its owner, put into its place by a hard link, which is made whole or not at all on those too
-//! (NFS, RFC 1813, `LINK`). An owner on this machine is dead when its process is; one elsewhere,
-//! when it has left its file untouched for [`SILENCE`]. Nobody removes a dead owner's claim, which
-//! two could do at once and one of them to the other's: the next claim is put behind it, under the
-//! dead one's own number, where again only one can be. The last claim of the chain is the one that
-//! holds.
+//! its owner, put into its place by a hard link, which is made whole or not at all on those systems
+//! too (NFS, RFC 1813, `LINK`). An owner on this machine is dead when its process is; one
+//! elsewhere, when it has left its file untouched for [`SILENCE`]. Nobody removes a dead owner's
+//! claim: two processes could do so at once, and one of them would remove the other's new claim.
+//! Instead the next claim is put behind it, under the dead owner's number, where again only one can
+//! be. The last claim of the chain holds.
 
 use std::{
     fs::{self, File, OpenOptions},
@@ -27,32 +27,32 @@ use super::{
 };
 use crate::intake::{self, Links};
 
-/// How often a claim is tried for, and the pause between: somebody who looks after a run holds it
+/// How often taking a claim is tried, with pauses between: somebody who looks after a run holds it
 /// for a moment.
 const TRIES: u32 = 20;
 const PAUSE: Duration = Duration::from_millis(50);
-/// An owner touches its file so often.
+/// How often an owner touches its file.
 const BEAT: Duration = Duration::from_secs(10);
-/// An owner on another machine that has not for so long is dead.
+/// An owner on another machine counts as dead after this long without a touch.
 const SILENCE: Duration = Duration::from_secs(120);
 /// The largest claim that is read, bytes.
 const LIMIT: u64 = 1 << 12;
-/// No chain is longer: each link is an owner that died.
+/// The longest chain that is followed; each link is an owner that died.
 const LONGEST: usize = 10_000;
 
 /// A claim, held until it is dropped or its process ends, however it ends.
 #[derive(Debug)]
 pub struct Claim {
-    /// The claims that lead to this one, and it; the first is the one that others look for first.
+    /// The claims that lead to this one, and this one; others look for the first one first.
     chain: Vec<PathBuf>,
-    /// Where the next one would be, were this one taken for dead.
+    /// The place of the next claim, if this one is taken for dead.
     next: PathBuf,
     lost: Arc<AtomicBool>,
-    /// Its end ends the touching.
+    /// Dropping it ends the touching.
     beats: Option<Sender<()>>,
 }
 
-/// What the end of a chain of claims shows.
+/// The state at the end of a chain of claims.
 enum End {
     /// Its owner is alive.
     Held(Owner),
@@ -61,11 +61,11 @@ enum End {
 }
 
 impl Claim {
-    /// Claims a run; `None` when somebody else holds it, and goes on to for a second.
+    /// Claims a run; `None` if somebody else holds it for a second or longer.
     ///
     /// # Errors
     ///
-    /// The file of the claim cannot be made, or what is there is none.
+    /// The claim's file cannot be made, or the file there is no claim.
     pub fn take(paths: &RunPaths) -> Result<Option<Self>, RecordError> {
         for left in (0..TRIES).rev() {
             if let Some(claim) = Self::take_now(&paths.claim)? {
@@ -78,7 +78,7 @@ impl Claim {
         Ok(None)
     }
 
-    /// Claims whatever the file at `place` stands for; `None` when somebody else holds it.
+    /// Claims whatever the file at `place` stands for; `None` if somebody else holds it.
     ///
     /// # Errors
     ///
@@ -91,8 +91,8 @@ impl Claim {
         own.write_all(&owner.text())
             .and_then(|()| own.as_file().sync_all())
             .map_err(io_error("claim", place))?;
-        // The time of the machine that keeps the files, by which it also tells when others were
-        // touched.
+        // The clock of the machine that keeps the files: the times of touches are by that clock
+        // too.
         let now = own
             .as_file()
             .metadata()
@@ -104,12 +104,12 @@ impl Claim {
         let last = chain.last().map_or(place, PathBuf::as_path);
         match fs::hard_link(own.path(), last) {
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => return Ok(None),
-            // The answer of a network file system may have been lost, and the second try have met
-            // the first one's link.
+            // A network file system may have lost its first answer, and the second try then meets
+            // the link of the first.
             Err(error) if !is_linked(own.as_file()) => return Err(io_error("claim", last)(error)),
             _ => {}
         }
-        // Where the claim before this one was removed meanwhile, nobody will find this one.
+        // If an earlier claim of the chain was removed meanwhile, nobody will find this one.
         if !leads_to(place, &chain)? {
             remove_if_there(last)?;
             return Ok(None);
@@ -127,30 +127,30 @@ impl Claim {
         }))
     }
 
-    /// Whether somebody holds the claim; takes none and writes nothing.
+    /// Whether somebody holds the claim; takes and writes nothing.
     ///
     /// # Errors
     ///
-    /// Its file is there and cannot be read.
+    /// The claim's file is there and cannot be read.
     pub fn is_held(paths: &RunPaths) -> Result<bool, RecordError> {
         Ok(Self::owner(paths)?.is_some())
     }
 
-    /// Who holds the claim.
+    /// The process that holds the claim.
     ///
     /// # Errors
     ///
     /// As for [`is_held`](Self::is_held).
     pub fn owner(paths: &RunPaths) -> Result<Option<Owner>, RecordError> {
-        // By this machine's clock, which may be wrong by less than the silence that counts.
+        // By this machine's clock: it may be wrong, but by less than the silence that counts.
         Ok(match end(&paths.claim, SystemTime::now())? {
             End::Held(owner) => Some(owner),
             End::Free(_) => None,
         })
     }
 
-    /// Whether another machine took this process for dead, since it stood still for too long: then
-    /// what the claim stood for is no longer its own.
+    /// Whether another machine took this process for dead because it stood still for too long.
+    /// The claim's run is then no longer this process's.
     pub fn is_lost(&self) -> bool {
         self.lost.load(Ordering::SeqCst) || self.next.exists()
     }
@@ -159,8 +159,9 @@ impl Claim {
 impl Drop for Claim {
     fn drop(&mut self) {
         drop(self.beats.take());
-        // The first one first: who finds it gone begins anew, and who is in the middle finds that
-        // it leads nowhere. What cannot be removed is a dead owner's as soon as this process ends.
+        // The first one first: whoever finds it gone begins anew, and whoever is in the middle
+        // finds that it leads nowhere. A claim that cannot be removed is a dead owner's as soon as
+        // this process ends.
         if !self.is_lost() {
             self.chain
                 .iter()
@@ -169,14 +170,14 @@ impl Drop for Claim {
     }
 }
 
-/// The file behind the claim of `owner` on `place`.
+/// The place behind the claim of `owner` on `place`.
 fn behind(place: &Path, owner: &Owner) -> PathBuf {
     let mut name = place.file_name().unwrap_or_default().to_owned();
     name.push(format!(".{}", owner.number));
     place.with_file_name(name)
 }
 
-/// The last claim on `place`, when it is `now`.
+/// The end of the chain of claims on `place`, at the time `now`.
 fn end(place: &Path, now: SystemTime) -> Result<End, RecordError> {
     let mut chain = vec![place.to_owned()];
     while let Some(last) = chain.last().filter(|_| chain.len() < LONGEST) {
@@ -207,7 +208,7 @@ fn end(place: &Path, now: SystemTime) -> Result<End, RecordError> {
     })
 }
 
-/// The owner that a claim names, and when it was last touched; `None` where there is no claim.
+/// The owner that a claim names, and the time of its last touch; `None` where there is no claim.
 fn read(path: &Path) -> Result<Option<(Owner, SystemTime)>, RecordError> {
     let file = match intake::open(path, Links::Refuse, OpenOptions::new().read(true)) {
         Ok(file) => file,
@@ -234,8 +235,9 @@ fn read(path: &Path) -> Result<Option<(Owner, SystemTime)>, RecordError> {
     }
 }
 
-/// Whether each claim of the chain on `place` still leads to the next. Where it does, none has been
-/// removed since the chain was read: owners remove the first one first, and no number comes again.
+/// Whether each claim of the chain on `place` still leads to the next.
+/// If so, none was removed since the chain was read: owners remove the first one first, and no
+/// number comes again.
 fn leads_to(place: &Path, chain: &[PathBuf]) -> Result<bool, RecordError> {
     for pair in chain.windows(2) {
         let owner = read(&pair[0])?;
@@ -246,7 +248,7 @@ fn leads_to(place: &Path, chain: &[PathBuf]) -> Result<bool, RecordError> {
     Ok(true)
 }
 
-/// Whether the file has two names.
+/// Whether the file has a second name, the hard link.
 fn is_linked(file: &File) -> bool {
     #[cfg(unix)]
     {
@@ -260,8 +262,8 @@ fn is_linked(file: &File) -> bool {
     }
 }
 
-/// Touches `file`, the claim at `place`, now and then until what this gives is dropped, and tells
-/// when it is lost: another one lies behind it at `next`.
+/// Touches `file`, the claim at `place`, now and then until the returned sender is dropped.
+/// Sets `lost` when another claim lies behind it at `next`, or the place is empty.
 fn touch(
     file: File,
     next: PathBuf,
@@ -284,7 +286,7 @@ fn touch(
     Ok(sender)
 }
 
-/// Sets a file's time to that of the machine which keeps it.
+/// Sets a file's time by the clock of the machine that keeps it.
 fn stamp(file: &File) -> io::Result<()> {
     #[cfg(unix)]
     {

@@ -1,11 +1,11 @@
-//! Whether two recordings of one run hold the same numbers, and the first one that differs.
+//! Compares two recordings of one run, and finds the first number that differs.
 //!
-//! Within one numeric class ([`Build::numeric_class`](super::Build::numeric_class)) that means the
-//! same bits of every row and of the policy, what a clock said apart. Between classes the last bits
+//! Within one numeric class ([`Build::numeric_class`](super::Build::numeric_class)) every row and
+//! the policy must have the same bits, except for times by a clock. Between classes the last bits
 //! differ from the first step on, and the physics amplifies that: with products summed in another
 //! order, the rows of `experiments/ci.toml` deviate by up to 3 parts in 100 in the first iteration
-//! and in every digit in the second. So there the first iteration and the evaluations before it are
-//! held to [`TOLERANCE`], words and counts exactly, and nothing after them is compared.
+//! and in every digit in the second. So there the first iteration and the evaluations before it
+//! must agree within [`TOLERANCE`], words and counts exactly, and nothing after them is compared.
 
 use std::path::Path;
 
@@ -16,11 +16,12 @@ use crate::{
 };
 
 /// How far a number of the first iteration may be from the recorded one in another numeric class,
-/// as a part of the larger one: nearly twice what was seen (0.027) between sums in vectors of 16
-/// numbers and sums in order.
+/// as a part of the larger one.
+/// That is nearly twice the greatest deviation seen (0.027), between sums in vectors of 16 numbers
+/// and sums in order.
 pub const TOLERANCE: f64 = 0.05;
-/// What is nearer than this is equal in another numeric class: sums that cancel keep no relative
-/// precision.
+/// Numbers nearer than this count as equal in another numeric class: sums that cancel keep no
+/// relative precision.
 const NEGLIGIBLE: f64 = 1e-6;
 
 /// How equal two recordings must be.
@@ -36,9 +37,9 @@ pub enum Exactness {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{place}, {column}: recorded {recorded}, now {computed}")]
 pub struct Difference {
-    /// Which row: `iteration 3`, `evaluation after 1024 steps, episode 0`; or `policy`.
+    /// The row: `iteration 3`, `evaluation after 1024 steps, episode 0`; or `policy`.
     pub place: String,
-    /// Which column.
+    /// The column's name.
     pub column: String,
     /// The recorded value.
     pub recorded: String,
@@ -107,8 +108,8 @@ pub fn policies(recorded: &Path, computed: &Path) -> Result<Option<Difference>, 
     ))
 }
 
-/// The digest of a run's policy: of the file where it is there, else the one in its manifest;
-/// `None` for a run without.
+/// The digest of a run's policy: the file's if it is there, else the manifest's; `None` for a run
+/// without a policy.
 fn digest(folder: &Path) -> Result<Option<String>, RecordError> {
     let path = RunPaths::policy(folder);
     if path.exists() {
@@ -160,7 +161,7 @@ impl Columns {
             .join(", ")
     }
 
-    /// The whole number of `row` in column `name`; `None` where there is no such column.
+    /// The whole number in `row` of column `name`; `None` where there is no such column.
     fn number(&self, name: &str, row: usize) -> Option<u64> {
         match self
             .cells
@@ -213,7 +214,7 @@ fn first_difference(
     Ok(None)
 }
 
-/// A row's name, and whether it belongs to the first iteration or to what was before it.
+/// A row's name, and whether it is from the first iteration or before.
 struct RowPlace {
     name: String,
     first: bool,

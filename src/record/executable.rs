@@ -1,21 +1,20 @@
-//! The digest of a program's file, which is a hundred megabytes and not always asked for.
+//! The digest of a program's file, which has a hundred megabytes and is not always needed.
 
 use std::{env, fs::File, io, sync::LazyLock};
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// BLAKE3 of an executable file: this program's, read when it is first wanted, or one that a record
-/// names.
+/// BLAKE3 of an executable file: this program's, read when first needed, or one from a record.
 #[derive(Debug, Clone)]
 pub enum Executable {
     /// This program's.
     This,
-    /// As it was recorded.
+    /// The digest in a record.
     Recorded(String),
 }
 
 impl Executable {
-    /// The digest, or why it cannot be told.
+    /// The digest, or the reason why there is none.
     pub fn digest(&self) -> &str {
         static THIS: LazyLock<String> = LazyLock::new(|| {
             let digest = || -> io::Result<String> {

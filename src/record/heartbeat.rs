@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::{RecordError, io_error, opened_or, read_bounded};
 use crate::intake::{self, Links};
 
-/// How far a run is.
+/// The progress of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Heartbeat {
     /// Steps taken.
@@ -21,8 +21,8 @@ pub struct Heartbeat {
 }
 
 impl Heartbeat {
-    /// Writes it. Neither synced nor renamed: it is worth nothing after a power cut, and one that
-    /// is read half-written counts as absent.
+    /// Writes the heartbeat. It is neither synced nor renamed: it is worth nothing after a power
+    /// cut, and a half-written one counts as absent.
     ///
     /// # Errors
     ///
@@ -40,7 +40,7 @@ impl Heartbeat {
         file.write_all(&text).map_err(io_error("write", path))
     }
 
-    /// The last one; `None` where there is none that can be read.
+    /// The last heartbeat; `None` where there is none that can be read.
     pub fn read(path: &Path) -> Option<Self> {
         serde_json::from_slice(&read_bounded(path, 1 << 16).ok()??).ok()
     }

@@ -1,4 +1,4 @@
-//! `run.json`: what a run was to be, and what became of it.
+//! `run.json`: a run's specification, and what became of it.
 
 use std::{collections::BTreeSet, path::Path};
 
@@ -9,12 +9,12 @@ use super::{Build, RecordError, RunPaths, Stamp, now, read_bounded, rows, write_
 /// The largest `run.json` that is read, bytes.
 const LIMIT: u64 = 16 << 20;
 
-/// `run.json`.
+/// The content of `run.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Manifest {
-    /// Where the run comes from; of its last attempt.
+    /// The origin of the run, as of its last attempt.
     pub stamp: Stamp,
-    /// Every time a process took the run up, in order.
+    /// Every attempt of a process at the run, in order.
     pub attempts: Vec<Attempt>,
     /// Environment steps that were trained.
     pub env_steps: u64,
@@ -26,25 +26,25 @@ pub struct Manifest {
     /// The digests of the tables of a finished run; absent before, and in files of older programs.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub tables: Option<TableDigests>,
-    /// What became of the run.
+    /// The outcome of the run.
     pub outcome: Outcome,
 }
 
 /// BLAKE3 of a run's tables, by which damage is seen before anybody reads them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TableDigests {
-    /// Of `progress.parquet`.
+    /// The digest of `progress.parquet`.
     pub progress: String,
-    /// Of `evaluations.parquet`.
+    /// The digest of `evaluations.parquet`.
     pub evaluations: String,
 }
 
 impl TableDigests {
-    /// Those of the tables in `folder`.
+    /// The digests of the tables in `folder`.
     ///
     /// # Errors
     ///
-    /// One is missing or cannot be read.
+    /// A table is missing or cannot be read.
     pub fn of(folder: &Path) -> Result<Self, RecordError> {
         let digest = |path: &Path| {
             let bytes = read_bounded(path, rows::LIMIT)?;
@@ -68,35 +68,35 @@ impl TableDigests {
 pub struct Attempt {
     /// When it began, UTC (RFC 3339).
     pub began: String,
-    /// When it ended; absent while it goes on, and for ever when its process was killed.
+    /// When it ended; absent while it goes on, and forever if its process was killed.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub ended: Option<String>,
-    /// The machine.
+    /// The machine's name.
     pub host: String,
-    /// The process.
+    /// The process's number.
     pub process: u32,
-    /// The environment steps of the checkpoint that it went on from; 0 when it began anew.
+    /// The environment steps of the checkpoint that it started from; 0 if it began anew.
     pub from_env_steps: u64,
     /// The [`cpu_class`](Build::cpu_class) that computed it; empty in files of older programs.
     #[serde(default)]
     pub cpu_class: String,
-    /// The [`libm`](Build::libm) that computed it; empty likewise.
+    /// The [`libm`](Build::libm) that computed it; empty in files of older programs.
     #[serde(default)]
     pub libm: String,
-    /// What it died of.
+    /// The error that ended it.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub error: Option<String>,
 }
 
-/// What became of a run.
+/// The outcome of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
-    /// It has begun, and has not ended.
+    /// The run has begun, and has not ended.
     Begun,
-    /// It used its budget.
+    /// The run used its budget.
     Finished,
-    /// It ended in an error.
+    /// The run ended in an error.
     Failed {
         /// The cause, in a sentence.
         error: String,
@@ -119,7 +119,7 @@ impl Manifest {
         }
     }
 
-    /// The same run, taken up again by the program that `stamp` tells of.
+    /// The same run, resumed by the program of `stamp`.
     pub fn taken_up(self, stamp: Stamp) -> Self {
         Self {
             stamp,
@@ -134,7 +134,7 @@ impl Manifest {
     ///
     /// # Errors
     ///
-    /// It is there and cannot be read, or is not a manifest.
+    /// The file cannot be read, or is not a manifest.
     pub fn read(path: &Path) -> Result<Option<Self>, RecordError> {
         let Some(bytes) = read_bounded(path, LIMIT)? else {
             return Ok(None);
@@ -147,7 +147,7 @@ impl Manifest {
         Ok(Some(manifest))
     }
 
-    /// Writes it, whole or not at all.
+    /// Writes the manifest, whole or not at all.
     ///
     /// # Errors
     ///
@@ -163,7 +163,7 @@ impl Manifest {
         write_atomically(path, &bytes)
     }
 
-    /// Ends the attempt under way, with what it died of, if it did.
+    /// Ends the attempt under way, with its error, if it had one.
     pub fn end_attempt(&mut self, error: Option<String>) {
         if let Some(attempt) = self
             .attempts
@@ -197,9 +197,9 @@ impl Manifest {
         Ok(())
     }
 
-    /// Whether all of it was computed on the class of machine that `stamp` names: a run that was
-    /// taken up on another one has bits that no machine repeats. Attempts whose work was lost do
-    /// not count.
+    /// Whether the whole run was computed on the class of machine that `stamp` names.
+    /// A run that was resumed on another class has bits that no machine repeats.
+    /// Attempts whose work was lost do not count.
     pub fn is_of_one_class(&self) -> bool {
         let counts = |index: usize| {
             let next = self.attempts.get(index + 1);

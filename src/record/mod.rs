@@ -1,7 +1,7 @@
-//! What runs leave on the disk, and how it is read back.
+//! The files that runs leave on the disk, and how they are read back.
 //!
 //! Owns the layout of the results, the Parquet rows, policies, manifests, checkpoints and claims,
-//! and the rule that whatever is final is written beside its place, synced and renamed into it.
+//! and the rule that every final file is written beside its place, synced and renamed into it.
 //! Knows nothing of queues, processes or figures: it is told what happened. Start at [`RunPaths`],
 //! then [`rows`] and [`Manifest`].
 
@@ -39,20 +39,20 @@ pub use under_way::UnderWay;
 
 use crate::intake::{self, Links};
 
-/// How the names of files begin that are not yet in their place.
+/// The beginning of the names of files that are not yet in their place.
 const WRITING: &str = ".writing-";
 
-/// What can go wrong when results are written or read; the message names the file.
+/// Errors of writing or reading results; the message names the file.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordError {
     /// The operating system refused.
     #[error("cannot {action} {}: {source}{}", path.display(), hint(source))]
     Io {
-        /// What was being done, as a verb.
+        /// The action that failed, as a verb.
         action: &'static str,
         /// The file or folder.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
     /// Another machine took this process for dead.
@@ -64,32 +64,32 @@ pub enum RecordError {
     /// A name that would not stay in its folder.
     #[error("`{name}` cannot name a folder of results: {reason}")]
     Name {
-        /// As it was given.
+        /// The name as it was given.
         name: String,
-        /// Why not.
+        /// The reason against it.
         reason: &'static str,
     },
-    /// The file is what it should be, but not whole: what it held is lost.
+    /// The file is of the right kind but damaged: its content is lost.
     #[error("{} is damaged: {reason}", path.display())]
     Damaged {
         /// The file.
         path: PathBuf,
-        /// What shows it.
+        /// The evidence of the damage.
         reason: String,
     },
-    /// The file is there but not what it should be.
+    /// The file is there but of the wrong kind.
     #[error("{} is not {expected}: {reason}", path.display())]
     Malformed {
         /// The file.
         path: PathBuf,
-        /// What it should be.
+        /// The kind of file that was expected.
         expected: &'static str,
-        /// What is wrong with it.
+        /// The mistake in it.
         reason: String,
     },
 }
 
-/// What to do about the commonest refusals.
+/// Advice about the commonest refusals.
 fn hint(source: &io::Error) -> &'static str {
     match source.kind() {
         io::ErrorKind::StorageFull => {
@@ -102,7 +102,7 @@ fn hint(source: &io::Error) -> &'static str {
     }
 }
 
-/// Turns an [`io::Error`] into ours, with what was being done to which file.
+/// Turns an [`io::Error`] into a [`RecordError`] with the action and the file.
 pub(crate) fn io_error(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> RecordError {
     let path = path.to_owned();
     move |source| RecordError::Io {
@@ -171,7 +171,7 @@ pub(crate) fn read_bounded(path: &Path, limit: u64) -> Result<Option<Vec<u8>>, R
     }
 }
 
-/// Turns what [`intake`] says into ours: that a file is none of ours is no fault of the system's.
+/// Turns an error of [`intake`] into ours: a file that we refuse is no fault of the system.
 pub(crate) fn opened_or(
     path: &Path,
     action: &'static str,

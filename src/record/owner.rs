@@ -1,4 +1,4 @@
-//! Who holds a claim.
+//! The owner of a claim.
 
 use std::{
     env, fs, process,
@@ -15,14 +15,14 @@ use super::provenance::host;
 pub struct Owner {
     /// The cluster's node, or else the machine's name.
     pub host: String,
-    /// What no other machine has, nor this one after it is started again, nor a container beside
-    /// this one; empty where the system does not tell.
+    /// A text that identifies the machine since its start, and the container; empty where the
+    /// system does not tell.
     machine: String,
-    /// The process there.
+    /// The process's number there.
     pub process: u32,
-    /// When it began, by which it is told from a later one of its number.
+    /// When the process began, to tell it from a later one of the same number.
     began: String,
-    /// The number of the claim, which no other has.
+    /// The claim's number, which no other claim has.
     pub(super) number: String,
 }
 
@@ -59,7 +59,7 @@ impl Owner {
         }
     }
 
-    /// Whether it is alive; `None` where that cannot be seen from here.
+    /// Whether the process is alive; `None` if that cannot be seen from here.
     pub(super) fn is_alive(&self) -> Option<bool> {
         if self.machine.is_empty() || self.machine != machine() {
             return None;
@@ -70,7 +70,7 @@ impl Owner {
         )
     }
 
-    /// As it stands in a claim's file.
+    /// The content of a claim's file for this owner.
     pub(super) fn text(&self) -> Vec<u8> {
         serde_json::to_vec(self)
             .unwrap_or_else(|error| unreachable!("texts and a number are JSON: {error}"))
@@ -79,19 +79,19 @@ impl Owner {
     /// The owner that a claim's file names.
     pub(super) fn read(text: &[u8]) -> Option<Self> {
         let owner: Self = serde_json::from_slice(text).ok()?;
-        // It becomes a file's name.
+        // The number becomes part of a file's name, so it must be harmless.
         (owner.number.len() == 24 && owner.number.bytes().all(|c| c.is_ascii_hexdigit()))
             .then_some(owner)
     }
 
-    /// The place in a cluster, where there is one, else the machine's name.
+    /// The name of the cluster's node, if there is one, else of the machine.
     pub fn node() -> String {
         env::var("SLURMD_NODENAME").unwrap_or_else(|_| host())
     }
 }
 
-/// What tells this machine, in this life and this container, from all others; empty where the
-/// system does not say.
+/// A text that identifies this machine since its start, and this container; empty where the system
+/// does not tell.
 fn machine() -> String {
     let boot = fs::read_to_string("/proc/sys/kernel/random/boot_id");
     let processes = fs::read_link("/proc/self/ns/pid");
@@ -101,7 +101,8 @@ fn machine() -> String {
     }
 }
 
-/// The letter of a process's state, and when it began; `None` where there is none of that number.
+/// The letter of a process's state, and when the process began; `None` if no process has that
+/// number.
 fn state(process: u32) -> Option<(char, String)> {
     let text = fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
     // The name before them, in brackets, may hold anything.

@@ -1,4 +1,4 @@
-//! Where everything of a run lies.
+//! The places of a run's files.
 
 use std::{
     fs, io,
@@ -9,22 +9,22 @@ use super::{
     Manifest, Outcome, RecordError, WRITING, io_error, read_bounded, rename, write_atomically,
 };
 
-/// The largest log or policy that a longer run takes over from the finished one, bytes.
+/// The largest log or policy that a longer run copies from the finished one, bytes.
 const BROUGHT_ALONG: u64 = 1 << 30;
 
 /// The places of one run.
 ///
 /// A run has one folder at a time: beside its place (`<id>.partial`) while it is under way or
-/// interrupted, at its place (`<id>`) when it has ended, well or not. The change from one to the
-/// other is a rename. A finished run that is made longer has two meanwhile, and keeps its own until
-/// the longer one takes its place.
+/// interrupted, at its place (`<id>`) once it has finished or failed. The change from one to the
+/// other is a rename. A finished run that is being extended has both, and keeps its own until the
+/// longer run takes its place.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct RunPaths {
-    /// `<results>/<experiment>/runs/<id>`: what the run left.
+    /// `<results>/<experiment>/runs/<id>`: the ended run.
     pub complete: PathBuf,
-    /// The same with `.partial`: where it is written.
+    /// `<results>/<experiment>/runs/<id>.partial`: the run while it is written.
     pub partial: PathBuf,
-    /// The file that says who works on the run.
+    /// The file that names the process working on the run.
     pub claim: PathBuf,
     /// `<results>/.pretrained`: agents trained before their runs, for all runs under these results
     /// that share them.
@@ -48,7 +48,7 @@ impl RunPaths {
             claim.push(part);
         }
         let partial = with_suffix(&complete, ".partial");
-        // An older program has locks of the bare name.
+        // Older programs have locks under the bare name.
         let claim = with_suffix(&claim, ".claim");
         Ok(Self {
             complete,
@@ -58,8 +58,8 @@ impl RunPaths {
         })
     }
 
-    /// The folder of results under which `file`, the folder of the run `id` or a file in it, has
-    /// its place; `None` where it has been taken elsewhere.
+    /// The folder of results that holds `file`, the folder of the run `id` or a file in it; `None`
+    /// if it was moved elsewhere.
     pub fn results_of(file: &Path, experiment: &str, id: &str) -> Option<PathBuf> {
         let file = std::path::absolute(file).ok()?;
         let holds = |results: &&Path| {
@@ -68,7 +68,7 @@ impl RunPaths {
         file.ancestors().find(holds).map(Path::to_owned)
     }
 
-    /// The rows of iterations, in `folder` (one of this run's).
+    /// The file of the rows of iterations, in `folder` (one of this run's).
     pub fn progress(folder: &Path) -> PathBuf {
         folder.join("progress.parquet")
     }
@@ -94,8 +94,8 @@ impl RunPaths {
         folder.join("policies")
     }
 
-    /// After how many `env_steps` the policy in `file` was kept; `None` where the file's name says
-    /// nothing of it.
+    /// The `env_steps` after which the policy in `file` was kept; `None` if the file's name does
+    /// not say.
     pub fn kept_after(file: &Path) -> Option<u64> {
         file.file_name()?
             .to_str()?
@@ -120,7 +120,7 @@ impl RunPaths {
         folder.join("state.checkpoint")
     }
 
-    /// How far the run is.
+    /// The file with the run's progress.
     pub fn heartbeat(folder: &Path) -> PathBuf {
         folder.join("heartbeat.json")
     }
@@ -130,19 +130,20 @@ impl RunPaths {
         folder.join("log.txt")
     }
 
-    /// The manifest of this run, if it has ended; `None` when it has not.
+    /// The manifest of this run if it has ended; `None` if it has not.
     ///
     /// # Errors
     ///
-    /// It is there and cannot be read.
+    /// The manifest is there and cannot be read.
     pub fn ended(&self) -> Result<Option<Manifest>, RecordError> {
         Manifest::read(&Self::manifest(&self.complete))
     }
 
-    /// Makes the folder in which the run is written. One that ended in failure is taken up again:
-    /// its checkpoint counts. One that finished is left as it is; the longer run gets its log and
-    /// the policies that it kept. Files that a killed process was writing are removed; only the
-    /// holder of the claim may call this.
+    /// Makes the folder in which the run is written.
+    ///
+    /// A run that failed is resumed from its checkpoint. A finished run is left as it is; the
+    /// longer run gets its log and the policies that it kept. Files that a killed process was
+    /// writing are removed, so only the holder of the claim may call this.
     ///
     /// # Errors
     ///
@@ -163,7 +164,7 @@ impl RunPaths {
 
     /// # Errors
     ///
-    /// A folder of the run is a link: what is written or removed there would be somebody else's.
+    /// A folder of the run is a link: writing or removing there would change somebody else's files.
     fn refuse_links(&self) -> Result<(), RecordError> {
         match [&self.partial, &self.complete]
             .into_iter()
@@ -182,13 +183,14 @@ impl RunPaths {
         }
     }
 
-    /// Puts what was written into its place, with `manifest` as its last word. A run that failed
-    /// keeps its checkpoint, to go on from, and no tables: whoever scans them must not meet half a
-    /// run. Where a shorter run has finished, a failure leaves that in its place.
+    /// Moves the run into its place, with `manifest` as its last word.
+    ///
+    /// A failed run keeps its checkpoint, to go on from, and no tables: whoever scans them must not
+    /// meet half a run. A failed extension leaves the shorter, finished run in its place.
     ///
     /// # Errors
     ///
-    /// The disk refuses; everything is still in [`partial`](Self::partial) then.
+    /// The disk refuses; everything is then still in [`partial`](Self::partial).
     pub fn close(&self, manifest: &Manifest) -> Result<(), RecordError> {
         if manifest.outcome == Outcome::Finished {
             manifest.write(&Self::manifest(&self.partial))?;
@@ -204,9 +206,9 @@ impl RunPaths {
         }
     }
 
-    /// Puts a run whose last word says that it finished into its place, in the place of a shorter
-    /// one if need be: also where the process that wrote it was killed before it could. Only the
-    /// holder of the claim may call this.
+    /// Moves a run whose manifest says that it finished into its place, even if the process that
+    /// wrote it was killed before it could. It replaces a shorter run there. Only the holder of the
+    /// claim may call this.
     ///
     /// # Errors
     ///
@@ -233,17 +235,18 @@ impl RunPaths {
         }
     }
 
-    /// Whether a killed process left something that [`settle`](Self::settle) would put right.
+    /// Whether a killed process left something for [`settle`](Self::settle) to put right.
     pub fn is_unsettled(&self) -> bool {
         self.replaced().exists() && self.complete.exists()
     }
 
-    /// Where a shorter run lies while the longer one takes its place.
+    /// The place of a shorter run while the longer one replaces it.
     fn replaced(&self) -> PathBuf {
         with_suffix(&self.complete, ".replaced")
     }
 
-    /// Copies what a longer run needs of the finished one, where it is not there yet.
+    /// Copies the files that a longer run needs from the finished one, unless they are there
+    /// already.
     fn bring_along(&self) -> Result<(), RecordError> {
         let mut files = vec![(Self::log(&self.complete), Self::log(&self.partial))];
         let kept = Self::kept_policies(&self.complete);
@@ -273,14 +276,16 @@ impl RunPaths {
         }
     }
 
-    /// Whether a folder of this name holds no ended run, but one under way, replaced, or set aside.
+    /// Whether a folder of this name holds a run that is under way, replaced or set aside, rather
+    /// than ended.
     pub fn is_aside(name: &str) -> bool {
         name.ends_with(".partial") || name.ends_with(".replaced") || name.contains(".old-")
     }
 
-    /// Renames whatever there is of the run to `<id>.old-<n>`, and gives the new names. Its Parquet
-    /// files get the ending `.old`, so that scans over `**/progress.parquet` do not count the run
-    /// twice.
+    /// Renames all folders of the run to `<id>.old-<n>`, and returns the new names.
+    ///
+    /// Its Parquet files get the ending `.old`, so that scans over `**/progress.parquet` do not
+    /// count the run twice.
     ///
     /// # Errors
     ///
@@ -307,7 +312,7 @@ impl RunPaths {
     }
 }
 
-/// `<results>/<experiment>`.
+/// The folder `<results>/<experiment>`.
 ///
 /// # Errors
 ///
@@ -329,7 +334,7 @@ pub fn check_writable(results: &Path) -> Result<(), RecordError> {
     remove_if_there(&probe)
 }
 
-/// Removes the files in `folder` that nobody is there any more to put into their place.
+/// Removes the files in `folder` that a killed process left half written.
 fn remove_half_written(folder: &Path) -> Result<(), RecordError> {
     for entry in fs::read_dir(folder).map_err(io_error("read", folder))? {
         let entry = entry.map_err(io_error("read", folder))?;
@@ -340,7 +345,7 @@ fn remove_half_written(folder: &Path) -> Result<(), RecordError> {
     Ok(())
 }
 
-/// Removes a file, if it is there.
+/// Removes a file if it is there.
 pub(crate) fn remove_if_there(path: &Path) -> Result<(), RecordError> {
     match fs::remove_file(path) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => {
@@ -350,7 +355,7 @@ pub(crate) fn remove_if_there(path: &Path) -> Result<(), RecordError> {
     }
 }
 
-/// Removes a folder with all that is in it, if it is there.
+/// Removes a folder with its content if it is there.
 fn remove_folder(path: &Path) -> Result<(), RecordError> {
     match fs::remove_dir_all(path) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => {
@@ -366,7 +371,8 @@ fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
     path.with_file_name(name)
 }
 
-/// One folder's name: it stays in its folder, on every system, and is none of the program's own.
+/// Checks a folder's name: it stays in its folder on every system, and is not one of the program's
+/// own.
 fn check(name: &str) -> Result<(), RecordError> {
     let reason = if name.is_empty() {
         "it is empty, or has an empty part"

@@ -23,7 +23,7 @@ use crate::{
 /// The largest file that is read, bytes.
 const LIMIT: u64 = 1 << 30;
 
-/// Writes `agent`; its bytes depend on the agent and the run alone, not on when or how the program
+/// Writes `agent`. The bytes depend on the agent and the run alone, not on when or how the program
 /// was called.
 ///
 /// # Errors
@@ -43,11 +43,11 @@ pub fn read(path: &Path) -> Result<(Agent, Stamp), RecordError> {
     decode(&bytes(path)?).map_err(|reason| malformed(path, reason))
 }
 
-/// As [`read`], where it must be able to act within `spaces`.
+/// As [`read`], for a policy that must act within `spaces`.
 ///
 /// # Errors
 ///
-/// Also its observations or actions have another number of numbers.
+/// As for [`read`], or its observations or actions have other dimensions.
 pub fn read_for(path: &Path, spaces: Spaces) -> Result<(Agent, Stamp), RecordError> {
     let (agent, stamp) = read(path)?;
     let found = (agent.normalizer.mean().len(), agent.policy.log_std().len());
@@ -68,7 +68,7 @@ pub fn read_for(path: &Path, spaces: Spaces) -> Result<(Agent, Stamp), RecordErr
     Ok((agent, stamp))
 }
 
-/// The BLAKE3 digest of the numbers in a policy's file, whatever it says beside them.
+/// The BLAKE3 digest of the numbers in a policy's file, without its metadata.
 ///
 /// # Errors
 ///
@@ -99,7 +99,7 @@ fn malformed(path: &Path, reason: String) -> RecordError {
     }
 }
 
-/// The normaliser's fields; it has no constructor from them other than its serialised form.
+/// The normaliser's fields; it can be made from them by its serialised form alone.
 #[derive(Serialize, Deserialize)]
 struct NormalizerParts {
     count: f64,
@@ -321,6 +321,7 @@ fn read_network(tensors: &SafeTensors<'_>, name: &str) -> Result<(Vec<usize>, Ve
             widths.push(inputs);
         }
         widths.push(outputs);
+        // Files hold weights row by row, networks column by column.
         parameters
             .extend((0..inputs).flat_map(|column| by_rows.iter().skip(column).step_by(inputs)));
         parameters.extend(biases);

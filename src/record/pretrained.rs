@@ -1,8 +1,8 @@
 //! Agents trained before their runs, kept for the runs that share them.
 //!
-//! One sealed file an agent, in a folder of all results, named by the hash of everything that
-//! decided it: whoever needs the same agent finds it. The folder is a convenience alone: without
-//! it, or with a damaged file in it, agents are trained anew, to the same bits.
+//! Each agent is one sealed file in a folder beside all results, named by the hash of everything
+//! that decides it: whoever needs the same agent finds it. The folder only saves time: without it,
+//! or with a damaged file in it, agents are trained anew, to the same bits.
 
 use std::{path::Path, thread, time::Duration};
 
@@ -14,22 +14,24 @@ use super::{
 };
 use crate::{algo::Agent, train::TrainError};
 
-/// Trains an agent before its run, and calls what it is given now and then.
+/// Trains an agent before its run, and calls its argument now and then, as a sign of life.
 pub type Pretrain<'a> = dyn FnMut(&mut dyn FnMut()) -> Result<Agent, TrainError> + 'a;
 
-/// What the file's first line says.
+/// The name in the file's first line.
 const NAME: &str = "mcpo-run pre-trained agent";
 
-/// The agent of `key` in `folder`, or else what `train` gives, which is kept there. `key` names all
-/// that `train` depends on, but for the class of machine, whose bits may differ: that is `machine`.
-/// Of several processes that ask for the same agent at once, one trains it and the others wait;
-/// `alive` is called now and then meanwhile.
+/// The agent of `key` from `folder`; if there is none, the result of `train`, which is then kept
+/// there.
 ///
-/// A file that is damaged is replaced, with a warning in the log.
+/// `key` names all that `train` depends on except for `machine`, the class of machine, whose bits
+/// may differ. Of several processes that ask for the same agent at once, one trains it and the
+/// others wait; `alive` is called now and then meanwhile.
+///
+/// A damaged file is replaced, with a warning in the log.
 ///
 /// # Errors
 ///
-/// Training's own, or the folder cannot be written to.
+/// Training fails, or the folder cannot be written to.
 pub fn pretrained(
     folder: &Path,
     key: &str,

@@ -1,4 +1,4 @@
-//! Where a result comes from: what every file that a run leaves carries.
+//! The origin of a result, which every file of a run carries.
 
 use std::{
     env, fs,
@@ -11,7 +11,7 @@ use serde_json::Value;
 
 use super::{executable::Executable, repository::Git};
 
-/// What every file of a run carries, as JSON under the key [`Stamp::KEY`] of its metadata.
+/// The origin of a run, as JSON under the key [`Stamp::KEY`] in the metadata of all its files.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Stamp {
     /// The resolved specification (a [`crate::plan::RunSpec`]; kept as JSON, so that files of older
@@ -22,21 +22,21 @@ pub struct Stamp {
     /// BLAKE3 of the demonstration's file, for a run that uses one.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub demonstration: Option<String>,
-    /// What that demonstration holds; absent in files of older programs.
+    /// The content of that demonstration; absent in files of older programs.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub demonstrated: Option<Demonstrated>,
-    /// What computed it.
+    /// The program and machine that computed it.
     pub build: Build,
-    /// Who called it; not in policies, whose bytes depend on nothing but the run.
+    /// The caller of the program; not in policies, whose bytes depend on nothing but the run.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub origin: Option<Origin>,
 }
 
 impl Stamp {
-    /// The key of the metadata of Parquet and safetensors files.
+    /// The key in the metadata of Parquet and safetensors files.
     pub const KEY: &str = "mcpo-run";
 
-    /// The stamp without whatever differs from call to call.
+    /// The stamp without the parts that differ from call to call.
     pub fn without_origin(&self) -> Self {
         Self {
             origin: None,
@@ -45,18 +45,18 @@ impl Stamp {
     }
 }
 
-/// What a demonstration holds, for those who have the results alone.
+/// A demonstration in numbers, for readers who have the results alone.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Demonstrated {
-    /// How many episodes.
+    /// The number of episodes.
     pub episodes: usize,
-    /// How many steps, over all of them.
+    /// The number of steps over all episodes.
     pub steps: usize,
     /// The mean over its episodes of their dense returns; absent where its file has no rewards.
     pub mean_return: Option<f64>,
 }
 
-/// The program and the class of machine.
+/// A program and a class of machine.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Build {
     /// The program's version.
@@ -67,20 +67,20 @@ pub struct Build {
     pub versions: Value,
     /// The processor's [`cpu_class`].
     pub cpu_class: String,
-    /// Digest of what the system's elementary functions give, whose last bits differ between
+    /// Digest of values of the system's elementary functions, whose last bits differ between
     /// versions of the C library.
     #[serde(default)]
     pub libm: String,
 }
 
 impl Build {
-    /// The class of machine: beside the specification and the versions it decides a run's last
-    /// bits, which are equal within one class.
+    /// The class of machine: together with the specification and the versions it decides a run's
+    /// last bits.
     pub fn machine(&self) -> (&str, &str) {
         (&self.cpu_class, &self.libm)
     }
 
-    /// This program on this machine; `versions` are those of the fingerprint.
+    /// This program on this machine, with the fingerprint's `versions`.
     pub fn current(versions: Value) -> Self {
         Self {
             program: env!("CARGO_PKG_VERSION").to_owned(),
@@ -92,7 +92,7 @@ impl Build {
     }
 }
 
-/// Who called the program, and where.
+/// The caller of the program, and the place of the call.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Origin {
     /// The machine's name.
@@ -103,13 +103,14 @@ pub struct Origin {
     pub command_line: Vec<String>,
     /// When the command was called, UTC (RFC 3339).
     pub called: String,
-    /// The folder that it was called in, where relative paths of the specification start, as seen
-    /// from the folder of results; absent where neither holds the other, and in files of the oldest
-    /// programs. Older programs wrote it from the root.
+    /// The folder of the call, where relative paths of the specification start, as seen from the
+    /// folder of results.
+    /// Absent if neither folder holds the other, and in files of the oldest programs.
+    /// Older programs wrote it as an absolute path.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub folder: Option<PathBuf>,
-    /// The commit of the folder it was called in, and whether files there differ from it; absent
-    /// outside a repository.
+    /// The commit of the folder of the call, and whether files there differ from it; absent outside
+    /// a repository.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub git: Option<Git>,
 }
@@ -132,8 +133,8 @@ impl Origin {
     }
 }
 
-/// The way from the folder `results` to `folder`, which tells nothing of what lies above both;
-/// `None` where neither holds the other.
+/// The relative path from the folder `results` to `folder`, which reveals nothing above both;
+/// `None` if neither holds the other.
 fn seen_from(results: &Path, folder: &Path) -> Option<PathBuf> {
     let results = path::absolute(results).ok()?;
     let up = |below: &Path| -> Option<PathBuf> {
@@ -156,8 +157,8 @@ pub(super) fn host() -> String {
 }
 
 impl Origin {
-    /// The folder that it was called in, where `results` is the folder of results now; `None` where
-    /// it is not known.
+    /// The folder of the call, if `results` is the folder of results now; `None` if it is not
+    /// known.
     pub fn folder_beside(&self, results: &Path) -> Option<PathBuf> {
         let mut folder = path::absolute(results).ok()?;
         for part in self.folder.as_deref()?.components() {
@@ -170,7 +171,7 @@ impl Origin {
         Some(folder)
     }
 
-    /// The same call, on this machine.
+    /// This call, as seen on this machine.
     pub fn here(self) -> Self {
         Self {
             host: super::Owner::node(),
@@ -194,7 +195,7 @@ fn cpu_model() -> Option<String> {
     Some(line.split_once(':')?.1.trim().to_owned())
 }
 
-/// Architecture and the instructions that change last bits, such as `x86_64 fma avx2`.
+/// The architecture and the instructions that change last bits, such as `x86_64 fma avx2`.
 #[cfg(target_arch = "x86_64")]
 pub fn cpu_class() -> String {
     let mut class = "x86_64".to_owned();
@@ -216,8 +217,8 @@ pub fn cpu_class() -> String {
     env::consts::ARCH.to_owned()
 }
 
-/// The first digits of the BLAKE3 digest of the functions that environments, networks and updates
-/// call, at a thousand places.
+/// The first digits of the BLAKE3 digest of a thousand values of each elementary function that
+/// environments, networks and updates call.
 fn libm() -> String {
     let functions: [fn(f64) -> f64; 6] =
         [f64::exp, f64::exp_m1, f64::ln, f64::sin, f64::cos, |x| {
@@ -237,7 +238,7 @@ fn libm() -> String {
     hasher.finalize().to_hex()[..16].to_owned()
 }
 
-/// The time, UTC, to the second: `2026-11-22T11:16:23Z`.
+/// The time now, UTC, to the second: `2026-11-22T11:16:23Z`.
 pub fn now() -> String {
     let seconds = SystemTime::now()
         .duration_since(SystemTime::UNIX_EPOCH)
@@ -245,7 +246,7 @@ pub fn now() -> String {
     rfc3339(seconds)
 }
 
-/// The civil date of a Unix time (Hinnant, 2013, `civil_from_days`).
+/// A Unix time as a date and time (Hinnant, 2013, `civil_from_days`).
 fn rfc3339(unix_seconds: u64) -> String {
     let days = unix_seconds / 86_400 + 719_468; // since 0000-03-01
     let era = days / 146_097;

@@ -51,7 +51,7 @@ impl Git {
     }
 }
 
-/// What git answers to `arguments` under `settings` that are stronger than the repository's own.
+/// The output of git for `arguments`, under `settings` that override the repository's own.
 fn ask(folder: &Path, settings: &[(&str, &str)], arguments: &[&str]) -> Option<String> {
     let always = [("core.fsmonitor", "false"), ("core.hooksPath", "/dev/null")];
     let settings: Vec<_> = always.iter().chain(settings).collect();

@@ -3,23 +3,25 @@
 use super::{Checkpoint, Manifest, RecordError, RunPaths};
 use crate::train::{EvaluationEpisode, Iteration};
 
-/// What a run under way has come to: the rows of its last checkpoint, which is replaced whole,
-/// every `checkpoint.every_seconds`. They lie in `<id>.partial/checkpoint` and in no table, so that
-/// whoever scans tables does not meet half a run.
+/// The progress of a run under way: the rows of its last checkpoint, which is replaced whole every
+/// `checkpoint.every_seconds`.
+/// They lie in `<id>.partial/checkpoint` and in no table, so that whoever scans tables does not
+/// meet half a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct UnderWay {
-    /// Of its last attempt; what is recorded under way is of this specification.
+    /// The manifest of its last attempt, with the specification of these rows.
     pub manifest: Manifest,
     /// The iterations so far.
     pub iterations: Vec<Iteration>,
-    /// The evaluation episodes so far, the last evaluation not among them.
+    /// The evaluation episodes so far, without the last evaluation.
     pub evaluations: Vec<EvaluationEpisode>,
 }
 
 impl UnderWay {
-    /// The rows of the run at `paths`; `None` where none is under way or interrupted, or it has no
-    /// checkpoint yet. A finished run that is being extended has both: its tables, and the longer
-    /// run's rows here.
+    /// The rows of the run at `paths`; `None` if none is under way or interrupted, or it has no
+    /// checkpoint yet.
+    ///
+    /// A finished run that is being extended has its tables, and the longer run's rows here.
     ///
     /// # Errors
     ///

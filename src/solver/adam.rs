@@ -35,7 +35,7 @@ impl Adam {
         self.step_parts([parameters], gradient, learning_rate);
     }
 
-    /// The same for parameters that lie in several places: `parts` are `[dim]` together.
+    /// As [`step`](Self::step) for parameters in several places: `parts` are `[dim]` together.
     pub fn step_parts<const N: usize>(
         &mut self,
         parts: [&mut [f32]; N],
@@ -54,8 +54,8 @@ impl Adam {
             "the gradient has another dimension than the parameters"
         );
         self.steps += 1;
-        // Both corrections of the start from zero, once a step: what is left for each parameter is
-        // one square root and one division, which the compiler turns into whole vectors of them.
+        // Both corrections of the start from zero are made once a step: for each parameter, one
+        // square root and one division remain, which the compiler turns into vectors.
         let step_size = (learning_rate / (1.0 - FIRST_DECAY.powf(self.steps as f64))) as f32;
         let scale = (1.0 / (1.0 - SECOND_DECAY.powf(self.steps as f64)).sqrt()) as f32;
         let (keep_first, add_first) = (FIRST_DECAY as f32, (1.0 - FIRST_DECAY) as f32);

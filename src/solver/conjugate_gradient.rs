@@ -3,10 +3,10 @@
 
 use super::{LinearOperator, dot};
 
-/// When to stop.
+/// When to stop the search.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
-    /// At most so many products.
+    /// The most products.
     pub iterations: usize,
     /// Stop once the residual's norm is at or below this fraction of the right-hand side's.
     pub relative_residual: f64,
@@ -20,9 +20,9 @@ pub enum Stop {
     Converged,
     /// [`Limits::iterations`] products are spent.
     IterationLimit,
-    /// A direction `p` of the search had `p.Ap` at or below 0 or not finite: the operator is not
-    /// positive definite, or the right-hand side is not finite, or nothing but rounding is left of
-    /// the residual.
+    /// A direction `p` of the search had `p.Ap` at or below 0 or not finite. The operator is not
+    /// positive definite, or the right-hand side is not finite, or only rounding is left of the
+    /// residual.
     Breakdown {
         /// `p.Ap`.
         curvature: f64,
@@ -32,9 +32,9 @@ pub enum Stop {
 /// The result of [`solve`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Solution {
-    /// The approximate solution `[dim]`. Since conjugate gradient leaves a residual orthogonal to
-    /// it, `x.Ax` is `x.rhs` (up to f32 rounding) however early it stopped: that quadratic form
-    /// costs a dot product, not an operator product.
+    /// The approximate solution `[dim]`. Conjugate gradient leaves a residual orthogonal to it, so
+    /// `x.Ax` is `x.rhs` (up to f32 rounding) however early it stopped: that quadratic form costs a
+    /// dot product, not an operator product.
     pub x: Vec<f32>,
     /// Products taken.
     pub iterations: usize,
@@ -52,6 +52,7 @@ pub fn solve(operator: &mut dyn LinearOperator, rhs: &[f32], limits: Limits) -> 
     debug_assert_eq!(rhs.len(), operator.dim());
     let mut x = vec![0.0f32; rhs.len()];
     let initial = dot(rhs, rhs);
+    // The residual relative to zero would be NaN.
     if initial == 0.0 {
         return Solution {
             x,
@@ -76,6 +77,7 @@ pub fn solve(operator: &mut dyn LinearOperator, rhs: &[f32], limits: Limits) -> 
         operator.apply(&direction, &mut product);
         iterations += 1;
         let curvature = dot(&direction, &product);
+        // Written so that NaN is a breakdown too.
         if !(curvature > 0.0 && curvature.is_finite()) {
             break Stop::Breakdown { curvature };
         }

@@ -14,15 +14,15 @@ use super::{
 pub struct LinearConstraint<'a> {
     /// `b` (`[dim]`), the gradient of what is bounded.
     pub gradient: &'a [f32],
-    /// `c`: how much it may still grow; negative when the bound is violated.
+    /// `c`: how much the constrained quantity may still grow; negative when the bound is violated.
     pub slack: f64,
 }
 
 /// The result of [`constrained_step`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct ConstrainedStep {
-    /// The optimum `x` (`[dim]`); `None` where there is no step (infeasible or undefined), zero
-    /// where the optimum is to stay.
+    /// The optimum `x` (`[dim]`): zero if the optimum is to stay, `None` if there is no step
+    /// (infeasible or undefined).
     pub step: Option<Step>,
     /// The case with its multipliers.
     pub solution: DualSolution,
@@ -30,10 +30,10 @@ pub struct ConstrainedStep {
     pub q: f64,
     /// `r = b.H^-1 g`; 0 without a linear constraint.
     pub r: f64,
-    /// `s = b.H^-1 b`; `None` where the optimum does not depend on it: without a constraint, where
-    /// the solution without the constraint meets it, and where `g` is zero and the origin feasible.
+    /// `s = b.H^-1 b`; `None` if the optimum does not depend on it: without a constraint, if the
+    /// solution without the constraint meets it, or if `g` is zero and the origin feasible.
     pub s: Option<f64>,
-    /// `w = H^-1 b` with s; `None` where s is.
+    /// `w = H^-1 b` with s; `None` if s is.
     pub way_back: Option<WayBack>,
     /// `g.x`, the linear change of the objective under the whole step, 0 or below unless a violated
     /// constraint must be met; 0 without a step.
@@ -45,14 +45,13 @@ pub struct ConstrainedStep {
 /// Minimises `g.x` subject to `b.x <= slack` and `x.Hx/2 <= radius` (Eq. 5; `g` and `b` `[dim]`,
 /// radius finite and above 0); without a linear constraint, subject to the second alone.
 ///
-/// `H^-1 b` is solved for only where the optimum depends on it, see [`ConstrainedStep::s`]. Where
+/// `H^-1 b` is solved for only if the optimum depends on it, see [`ConstrainedStep::s`]. Where
 /// conjugate gradient stops early, `x` is made of inexact solutions: `b.x` is exact all the same,
 /// since `r` is taken as `b.(H^-1 g)`, while `x.Hx/2` is exact where the constraint is inactive and
 /// else a few percent off (measured: within 6 % of the radius after 10 iterations at condition
 /// numbers where 10 leave a quarter of the residual). It is not scaled back: a line search that
 /// tests the true quantities follows. A Hessian with no positive curvature along `g` or `b` makes
-/// the problem
-/// [`Undefined`](DualSolution::Undefined).
+/// the problem [`Undefined`](DualSolution::Undefined).
 pub fn constrained_step(
     hessian: &mut dyn LinearOperator,
     objective: &[f32],
@@ -93,12 +92,12 @@ pub fn constrained_step(
     }
 }
 
-/// `w = H^-1 b`, the shortest way in H's norm along which what b is the gradient of changes.
+/// `w = H^-1 b`: of all ways that change b's constraint, the shortest in H's norm.
 pub fn way_back(hessian: &mut dyn LinearOperator, b: &[f32], limits: Limits) -> WayBack {
     Inverse::of(hessian, b, limits).into_way_back()
 }
 
-/// `alpha u + beta w`, in f64: where g and b are nearly parallel the two cancel.
+/// `alpha u + beta w`, in f64: if g and b are nearly parallel, the two terms cancel.
 fn sum(alpha: f64, u: f32, beta: f64, w: f32) -> f32 {
     (alpha * f64::from(u) + beta * f64::from(w)) as f32
 }
@@ -113,7 +112,8 @@ struct Inverse {
 impl Inverse {
     fn of(hessian: &mut dyn LinearOperator, v: &[f32], limits: Limits) -> Self {
         let solved = conjugate_gradient::solve(hessian, v, limits);
-        // A breakdown at the first product leaves zero, which would pass for the solution of v = 0.
+        // A breakdown at the first product leaves zero, which would look like the solution of v =
+        // 0.
         let square = match solved.stop {
             Stop::Breakdown { .. } if solved.iterations == 1 => f64::NAN,
             _ => dot(v, &solved.x),

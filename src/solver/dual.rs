@@ -1,7 +1,7 @@
 //! The dual of the two-constraint problem (appendix, Eq. 5 to 14, with Eq. 11 corrected).
 //!
 //! Owns the optimum's multipliers, case by case, given five scalars. Does not know vectors or the
-//! operator H: who calls it composes the step from `H^-1 g` and `H^-1 b`. Start at [`solve`].
+//! operator H: the caller composes the step from `H^-1 g` and `H^-1 b`. Start at [`solve`].
 //!
 //! The problem (Eq. 5): minimise `g.x` subject to `b.x <= c` and `x.Hx/2 <= delta`. In the norm of
 //! H the second constraint is a ball of radius `sqrt(2 delta)` around the origin, the first a
@@ -37,8 +37,8 @@ pub struct DualProblem {
     pub radius: f64,
 }
 
-/// The optimum, by case. Where a case has both, the step is `x = -(H^-1 g + nu H^-1 b) / lambda`
-/// (Eq. 8 and 12).
+/// The optimum, by case. In a case with both multipliers, the step is
+/// `x = -(H^-1 g + nu H^-1 b) / lambda` (Eq. 8 and 12).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum DualSolution {
     /// `c >= 0`, and the solution without the linear constraint meets it: Eq. 11, first line, `nu =
@@ -80,13 +80,13 @@ pub enum DualSolution {
         /// `min(c, 0) / s`: 0 where the origin is feasible.
         nearest: f64,
     },
-    /// The scalars are of no problem: one is NaN or infinite (an infinite slack apart), or `q` or
-    /// `s` is negative, so that H is not positive definite. There is no step.
+    /// The scalars belong to no problem: one is NaN or infinite (an infinite slack apart), or `q`
+    /// or `s` is negative, so that H is not positive definite. There is no step.
     Undefined,
 }
 
 impl DualSolution {
-    /// `(lambda, nu)` of `x = -(H^-1 g + nu H^-1 b) / lambda`; `None` where there is no such step.
+    /// `(lambda, nu)` of `x = -(H^-1 g + nu H^-1 b) / lambda`; `None` if there is no such step.
     pub fn multipliers(&self) -> Option<(f64, f64)> {
         match *self {
             Self::Inactive { lambda } | Self::DegenerateB { lambda } => Some((lambda, 0.0)),
@@ -95,8 +95,8 @@ impl DualSolution {
         }
     }
 
-    /// `(alpha, beta)` of `x = alpha H^-1 g + beta H^-1 b`, for every case that has a step; `(0,
-    /// 0)` where the optimum is to stay, `None` where there is no step.
+    /// `(alpha, beta)` of `x = alpha H^-1 g + beta H^-1 b`, for every case that has a step;
+    /// `(0, 0)` if the optimum is to stay, `None` if there is no step.
     pub fn coefficients(&self) -> Option<(f64, f64)> {
         match *self {
             Self::DegenerateG { nearest } => Some((0.0, nearest)),
@@ -121,8 +121,9 @@ impl DualSolution {
 }
 
 /// The optimum of `problem`, within rounding at every scale of its numbers: nothing in here is
-/// compared with an absolute threshold. An infinite slack stands for no linear constraint. Panics
-/// unless the radius is finite and above 0, since that number is ours.
+/// compared with an absolute threshold.
+/// An infinite slack stands for no linear constraint.
+/// Panics unless the radius is finite and above 0, since that number is ours.
 pub fn solve(problem: &DualProblem) -> DualSolution {
     if !is_square(problem.s) {
         return DualSolution::Undefined;
@@ -132,10 +133,11 @@ pub fn solve(problem: &DualProblem) -> DualSolution {
     })
 }
 
-/// The most that `q - r^2/s` can be, relative to `q`, when it is 0 (g parallel to b) and `H^-1` was
-/// applied in f32. Added to the difference, it keeps lambda above 0 and the step inside the ball,
-/// at the price of at most 3e-7 of the objective's range `sqrt(2 delta q)` (its greatest value over
-/// all `q - r^2/s`).
+/// The greatest value of `q - r^2/s`, relative to `q`, when it should be 0 (g parallel to b) and
+/// `H^-1` was applied in f32.
+/// Added to the difference, it keeps lambda above 0 and the step inside the ball.
+/// That costs at most 3e-7 of the objective's range `sqrt(2 delta q)` (the greatest value over all
+/// `q - r^2/s`).
 const ROUNDING: f64 = 1e-12;
 
 /// Whether `square` can be the square of a norm.
@@ -143,9 +145,10 @@ fn is_square(square: f64) -> bool {
     square >= 0.0 && square.is_finite()
 }
 
-/// As [`solve`], asking for `s` only where the optimum depends on it, since `s` costs the solution
-/// of `H w = b`: not if `g` is zero and the origin feasible, and not if the solution without the
-/// linear constraint meets it.
+/// As [`solve`], asking for `s` only if the optimum depends on it, since `s` costs the solution of
+/// `H w = b`.
+/// It does not if `g` is zero and the origin feasible, or if the solution without the linear
+/// constraint meets it.
 pub(super) fn solve_lazily(
     q: f64,
     r: f64,
@@ -166,7 +169,7 @@ pub(super) fn solve_lazily(
     if free == 0.0 && c >= 0.0 {
         return DualSolution::DegenerateG { nearest: 0.0 };
     }
-    // r = 0 is what b = 0 looks like before s is known; that case has its own name, where there is
+    // r = 0 may mean b = 0, which is not known before s is; that case has its own name, if there is
     // a constraint at all.
     if free > 0.0 && (r != 0.0 || c == f64::INFINITY) && meets(free) {
         return without_linear_constraint(free, c);
@@ -182,7 +185,7 @@ pub(super) fn solve_lazily(
             DualSolution::DegenerateB { lambda: free }
         };
     }
-    // c / sqrt(s), squared after dividing: c^2 may be out of range where the distance is not.
+    // c / sqrt(s) is squared after dividing: c^2 may be out of range when the distance is not.
     let distance = c / s.sqrt();
     let chord = ball - distance * distance;
     if c < 0.0 && chord <= 0.0 {

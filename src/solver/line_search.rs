@@ -1,10 +1,11 @@
-//! Backtracking line search: the first of a halving sequence of fractions of a step that is
-//! accepted, each corrected for the curvature of a constraint before it is given up.
+//! Backtracking line search over fractions 1, 1/2, 1/4 ... of a step: the first that is accepted. A
+//! fraction is corrected for the curvature of a constraint before it is given up.
 //!
-//! Where a linear constraint is active, the step runs along the tangent of the curved one, which
-//! curvature then carries it over: halving alone stalls, at steps whose square is what the
-//! constraint forgives (the Maratos effect; Nocedal and Wright, 2006, section 18.3). The correction
-//! moves the trial back along `w = H^-1 b`, the shortest way in H's norm.
+//! Where a linear constraint is active, the step runs along the tangent of the curved one, and
+//! curvature carries it over the bound. Halving alone then stalls, at steps so small that their
+//! square is within what the constraint forgives (the Maratos effect; Nocedal and Wright, 2006,
+//! section 18.3). The correction moves the trial back along `w = H^-1 b`, the shortest way in H's
+//! norm.
 
 use super::{Step, Theta};
 
@@ -15,9 +16,9 @@ pub enum Search<A, R> {
     Accepted {
         /// The fraction of the step that it took: 1, 1/2, 1/4 ...
         fraction: f64,
-        /// Trials judged, the accepted one included.
+        /// The number of trials judged, the accepted one included.
         trials: usize,
-        /// How often the accepted trial was corrected.
+        /// The number of corrections of the accepted trial.
         corrections: usize,
         /// The accepted point `[dim]`.
         theta: Theta,
@@ -26,15 +27,15 @@ pub enum Search<A, R> {
     },
     /// No trial was accepted.
     Rejected {
-        /// Why, trial by trial; empty when no trial was allowed.
+        /// The reasons, trial by trial; empty if no trial was allowed.
         reasons: Vec<R>,
     },
 }
 
-/// A trial, as the judge is given it.
+/// A trial, as the judge sees it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Trial<'a> {
-    /// Where it is.
+    /// The trial's point.
     pub theta: &'a Theta,
     /// The fraction of the step that it took.
     pub fraction: f64,
@@ -43,12 +44,12 @@ pub struct Trial<'a> {
     pub correctable: bool,
 }
 
-/// Why a trial was not accepted.
+/// A refusal of a trial.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Refused<R> {
-    /// For this reason: the fraction is halved.
+    /// The trial is refused for this reason, and the fraction is halved.
     Because(R),
-    /// The constraint's value is so much above its bound; only of a trial that is correctable.
+    /// The constraint's value exceeds its bound by this much; only for a trial that is correctable.
     Excess(f64),
 }
 
@@ -57,13 +58,13 @@ pub enum Refused<R> {
 pub struct WayBack {
     /// `w = H^-1 b` `[dim]`, where b is the constraint's gradient.
     pub direction: Step,
-    /// `b.w`, by how much the constraint's value rises along w, to first order.
+    /// `b.w`: the slope of the constraint's value along w, to first order.
     pub slope: f64,
 }
 
 /// Judges `theta + fraction * step` for the fractions 1, 1/2, 1/4 ... and stops at the first that
-/// is accepted, or after `trials` of them. The starting point is only read, so that a rejected
-/// search cannot have moved it.
+/// is accepted, or after `trials` of them.
+/// The starting point is only read, so a rejected search cannot have moved it.
 pub fn backtrack<A, R>(
     theta: &Theta,
     step: &Step,
@@ -74,9 +75,9 @@ pub fn backtrack<A, R>(
     backtrack_corrected(theta, step, trials, 0, || None, judge)
 }
 
-/// The same, where a trial that exceeds a constraint is first corrected, up to `corrections` times:
-/// moved by `-excess / (b.w) w` and judged again. `way_back` is asked for at the first excess, and
-/// at most once.
+/// As [`backtrack`], where a trial that exceeds a constraint is first corrected, up to
+/// `corrections` times: moved by `-excess / (b.w) w` and judged again.
+/// `way_back` is asked for at the first excess, and at most once.
 pub fn backtrack_corrected<A, R>(
     theta: &Theta,
     step: &Step,
@@ -116,8 +117,10 @@ pub fn backtrack_corrected<A, R>(
                 Err(Refused::Excess(excess)) => {
                     assert!(correctable, "an excess is told of correctable trials alone");
                     if let Some(ask) = unasked.take() {
+                        // Without a positive slope the way does not lead back.
                         way_back = ask().filter(|way: &WayBack| way.slope > 0.0);
                     }
+                    // Without a way back, the same trial is judged again as not correctable.
                     if let Some(WayBack { direction, slope }) = &way_back {
                         trial.advance(direction, -excess / slope);
                         corrected += 1;

@@ -20,7 +20,7 @@ pub use constrained::{ConstrainedStep, LinearConstraint, constrained_step, way_b
 
 /// A symmetric positive definite matrix, known by its products.
 pub trait LinearOperator {
-    /// Rows, which are the columns.
+    /// The number of rows, which is that of columns.
     fn dim(&self) -> usize;
 
     /// Writes the product with `x` (`[dim]`) to `product` (`[dim]`).
@@ -60,7 +60,7 @@ impl Theta {
 }
 
 impl Theta {
-    /// Moves on by `fraction * step`.
+    /// Adds `fraction * step`.
     fn advance(&mut self, step: &Step, fraction: f64) {
         debug_assert_eq!(self.0.len(), step.0.len());
         let fraction = fraction as f32;
@@ -90,8 +90,8 @@ impl Step {
 /// The dot product, summed in f64.
 pub fn dot(a: &[f32], b: &[f32]) -> f64 {
     debug_assert_eq!(a.len(), b.len());
-    // So many partial sums that no addition waits for another, in an order that no width of
-    // registers changes.
+    // There are so many partial sums that no addition waits for another. Their order does not
+    // depend on the width of registers.
     const SUMS: usize = 32;
     let (heads, tail) = a.as_chunks::<SUMS>();
     let (other_heads, other_tail) = b.as_chunks::<SUMS>();

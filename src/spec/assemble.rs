@@ -16,8 +16,8 @@ use super::{
     source::{self, AxisList, Layer, Source, Step},
 };
 
-/// Reads, merges and checks everything; `text` stands for the file's, without environment
-/// variables.
+/// Reads, merges and checks all layers. A given `text` stands in for the file's content;
+/// environment variables are then ignored.
 pub(super) fn assemble(
     path: &Path,
     text: Option<&str>,
@@ -36,7 +36,8 @@ pub(super) fn assemble(
     errors.extend(wrong);
 
     let (parsed, slips): (Vec<_>, Vec<_>) = layers.iter().map(Layer::parse).unzip();
-    // What a text that is not TOML seems to say is not worth a word.
+    // A text that is not TOML gets its syntax errors alone: any other message about it would
+    // mislead.
     SpecErrors::none_or(slips.concat())?;
     let sources: Vec<Source<'_>> = parsed;
     let (robots, wrong) = Robots::read(&sources);
@@ -107,8 +108,7 @@ fn anchor(table: &mut toml::Table, layer: &Layer) {
     }
 }
 
-/// The specification that `merged` describes, and where in the file's list each of its blocks
-/// stands.
+/// The specification in `merged`, and the place of each of its blocks in the file's list.
 fn build(
     mut merged: toml::Table,
     path: &Path,
@@ -180,7 +180,7 @@ fn build(
     (spec, indices)
 }
 
-/// What a specification is made from, beside its merged table.
+/// The sources of a specification, beside its merged table.
 struct Written<'a> {
     /// The layers, weakest first.
     sources: &'a [Source<'a>],
@@ -189,7 +189,7 @@ struct Written<'a> {
     robots: &'a Robots,
 }
 
-/// Of an environment's table, without what describes a robot.
+/// The settings in an environment's table, without the keys that describe a robot.
 fn settings_of(table: &toml::Table) -> toml::Table {
     let settings = table.iter().filter(|(key, _)| !is_robots_alone(key));
     settings
@@ -197,7 +197,7 @@ fn settings_of(table: &toml::Table) -> toml::Table {
         .collect()
 }
 
-/// Makes -0.0, which no parameter tells from 0.0, the 0.0 that it means.
+/// Replaces each -0.0 by the 0.0 that it means: no parameter tells the two apart.
 fn without_negative_zero(value: &mut toml::Value) {
     match value {
         toml::Value::Float(number) => *number += 0.0,
@@ -209,7 +209,7 @@ fn without_negative_zero(value: &mut toml::Value) {
     }
 }
 
-/// The elements that are what they should be; the others have their messages.
+/// The elements that parse as `T`; the others are already reported.
 fn list<T: DeserializeOwned>(value: Option<toml::Value>) -> Vec<T> {
     let elements = value
         .and_then(|value| value.as_array().cloned())
@@ -255,6 +255,7 @@ fn blocks(
             .into_iter()
             .filter_map(|(key, values)| Some((start(&key), key, values.as_array()?.clone())))
             .collect();
+        // Axes count in the file's order, which a merged table need not keep.
         lists.sort_by_key(|(start, ..)| *start);
         let mut block = Block::default();
         for (_, key, mut values) in lists {

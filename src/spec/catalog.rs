@@ -1,8 +1,8 @@
 //! Every key that a matrix can set, and the check of one value at a time.
 //!
 //! A key is checked by putting its value, alone, into a valid specimen of its type and reading
-//! that. So each wrong value of a file is found, not the first alone, and the types themselves are
-//! the only judge of what is allowed.
+//! that. So every wrong value of a file is found, not just the first, and the types themselves
+//! decide what is allowed.
 
 use std::{borrow::Cow, collections::BTreeSet, ops::Range, sync::LazyLock};
 
@@ -42,10 +42,10 @@ type Read = dyn Fn(Spanned<DeTable<'_>>) -> Result<(), toml::de::Error> + Send +
 #[derive(Debug, PartialEq)]
 pub(super) struct Refusal {
     pub(super) message: String,
-    /// Whether the message says what it is about; else the name of the key has to stand before it.
+    /// Whether the message names its subject; if not, the key's name must precede it.
     pub(super) says_all: bool,
     pub(super) label: Option<String>,
-    /// The bytes of the value, or of the part of it that is wrong.
+    /// The bytes of the value, or of its wrong part.
     pub(super) span: Range<usize>,
 }
 
@@ -167,7 +167,7 @@ impl Section {
         })
     }
 
-    /// `over` put over `under`, key by key; a choice such as a reward is replaced whole.
+    /// Merges `over` into `under`, key by key; a choice such as a reward is replaced whole.
     pub(super) fn merge(&self, under: &mut toml::Table, over: &toml::Table) {
         self.merge_at(&mut Vec::new(), under, over);
     }
@@ -209,15 +209,15 @@ pub(super) struct Catalog {
     pub(super) table: Section,
     pub(super) claim: Section,
     pub(super) settings_table: Section,
-    /// Of the whole file, for the sake of its one key, `slurm`.
+    /// The whole file as a section, for the sake of its one key `slurm`.
     pub(super) slurm: Section,
-    /// What describes a robot of one's own.
+    /// The keys that describe a user's robot.
     pub(super) robot: Section,
     algorithms: Vec<(&'static str, Section)>,
 }
 
 impl Catalog {
-    /// The one catalog.
+    /// The catalog, shared by the whole process.
     pub(super) fn get() -> &'static Self {
         static CATALOG: LazyLock<Catalog> = LazyLock::new(|| Catalog {
             settings: Section::of(&Settings::defaults(EnvId::HalfCheetah, "ppo", constant(1))),
@@ -268,7 +268,7 @@ fn read<T: DeserializeOwned>(table: Spanned<DeTable<'_>>) -> Result<(), toml::de
     T::deserialize(Deserializer::from(table)).map(drop)
 }
 
-/// The date that is or stands in `value` at the bytes `span`, as `date 2024-01-01`.
+/// The date in `value` at the bytes `span`, written as `date 2024-01-01`.
 fn date_at(value: &Spanned<DeValue<'_>>, span: &Range<usize>) -> Option<String> {
     match value.get_ref() {
         DeValue::Datetime(date) if value.span() == *span => {

@@ -1,4 +1,4 @@
-//! `[[claims]]`: what a paper says of its methods, to be judged by what is recorded.
+//! `[[claims]]`: a paper's statements about its methods, to be judged by the recorded runs.
 
 use std::fmt;
 
@@ -52,7 +52,7 @@ pub struct Claim {
     pub share: UnitInterval,
 }
 
-/// What the runs of a claim are compared with.
+/// The other side of a claim's comparison.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Versus {
     /// The return of the demonstration that they learned from.
@@ -62,7 +62,7 @@ pub enum Versus {
 }
 
 impl Versus {
-    /// What a file calls the demonstration's return.
+    /// The name of the demonstration's return in a file.
     pub(super) const DEMONSTRATION: &str = "demonstration";
 }
 

@@ -1,4 +1,4 @@
-//! The check of how values go together, in every combination that a matrix makes.
+//! Checks how values go together, in every combination that a matrix makes.
 
 use std::{mem, path::PathBuf};
 
@@ -9,14 +9,14 @@ use super::{
 };
 use crate::env::{EnvId, Reward};
 
-/// No campaign has more runs; a longer list is a slip of the pen. `plan` shows so many in 1.3 s
+/// The most runs of a campaign; a longer list is taken for a slip. `plan` shows this many in 1.3 s
 /// and 310 MB (AMD EPYC, 2.6 GHz).
 const MOST_RUNS: usize = 20_000;
 
-/// No rollout has more steps: of Ant's, so many fill the memory of a large machine.
+/// The most steps of a rollout: of Ant's steps, this many fill the memory of a large machine.
 const MOST_ROLLOUT_STEPS: u64 = 1 << 26;
 
-/// A specification, with what it was read from.
+/// A specification with its sources.
 pub(super) struct Draft<'a> {
     pub(super) spec: &'a ExperimentSpec,
     /// Where each block stands in the file's list.
@@ -25,11 +25,11 @@ pub(super) struct Draft<'a> {
     pub(super) sources: &'a [Source<'a>],
     /// The lists that replace axes.
     pub(super) axes: &'a [AxisList],
-    /// What is wrong with single values, which are left out of `spec`.
+    /// The errors of single values, which are left out of `spec`.
     pub(super) known: &'a [SpecError],
 }
 
-/// What does not go together.
+/// Settings that do not go together.
 struct Conflict {
     message: String,
     label: Option<String>,
@@ -38,7 +38,7 @@ struct Conflict {
     parameters: Vec<Parameter>,
 }
 
-/// What cross-checks find.
+/// The findings of the cross-checks.
 #[derive(Default)]
 pub(super) struct Findings {
     pub(super) errors: Vec<SpecError>,
@@ -47,8 +47,8 @@ pub(super) struct Findings {
 }
 
 impl Draft<'_> {
-    /// Everything that does not go together; of several combinations with one fault at one place,
-    /// the first.
+    /// Finds everything that does not go together.
+    /// If several combinations have the same fault at the same place, the first is reported.
     pub(super) fn check(&self) -> Findings {
         let mut findings = Findings {
             errors: self.missing_keys().collect(),
@@ -57,6 +57,7 @@ impl Draft<'_> {
         let runs = self.spec.named_runs();
         if runs > MOST_RUNS {
             let message = format!("the matrix has {runs} runs; at most {MOST_RUNS} are allowed");
+            // So many combinations would take too long to check.
             findings.errors.push(self.at_matrix(message));
             return findings;
         }
@@ -106,7 +107,7 @@ impl Draft<'_> {
         findings
     }
 
-    /// Keys that every experiment has, and no layer.
+    /// The errors of required keys that no layer sets.
     fn missing_keys(&self) -> impl Iterator<Item = SpecError> {
         let keys = [
             ("name", "write `name = \"...\"`"),
@@ -126,7 +127,8 @@ impl Draft<'_> {
             })
     }
 
-    /// Arguments and variables that set what every block varies: the axis would win in silence.
+    /// The errors of arguments and variables that set what every block varies: the axis would
+    /// silently win.
     fn hidden_arguments(&self) -> Vec<SpecError> {
         let Some((first, others)) = self.spec.matrix.split_first() else {
             return Vec::new();
@@ -167,7 +169,7 @@ impl Draft<'_> {
         errors
     }
 
-    /// `message` about the file as a whole.
+    /// An error with `message` about the file as a whole.
     fn at_start(&self, message: String) -> SpecError {
         let place = match self
             .sources
@@ -194,7 +196,7 @@ impl Draft<'_> {
         }
     }
 
-    /// The strongest layer's value at the end of `way`.
+    /// The place of the strongest layer's value at the end of `way`.
     fn place(&self, way: &[Step]) -> Option<Place> {
         self.sources
             .iter()
@@ -219,6 +221,7 @@ impl Draft<'_> {
             ]),
         };
         let written = |parameter: &Parameter| {
+            // An axis wins over every layer, so it is looked for first.
             let mut axes = block.axes.iter().map(|axis| &axis.parameter);
             let axis = axes
                 .find(|axis| axis.is(parameter, algorithm))
@@ -269,7 +272,7 @@ fn add(errors: &mut Vec<SpecError>, error: SpecError) {
     }
 }
 
-/// What a run of these settings could not do.
+/// The settings that would keep such a run from working.
 fn conflicts(env: EnvId, settings: &Settings, algorithm: &Algorithm) -> Vec<Conflict> {
     let setting = |key: &str| Parameter::Setting(key.into());
     let (steps, environments) = (
@@ -289,6 +292,7 @@ fn conflicts(env: EnvId, settings: &Settings, algorithm: &Algorithm) -> Vec<Conf
     };
 
     let sparse = env.sparse_reward();
+    // The kind of reward must be the environment's; its thresholds may differ.
     if settings.reward != Reward::Dense
         && mem::discriminant(&settings.reward) != mem::discriminant(&sparse)
     {
@@ -362,7 +366,7 @@ fn minibatches(hyperparameters: &toml::Table) -> Vec<(String, u64)> {
     own.into_iter().chain(parts).collect()
 }
 
-/// The demonstration that a run needs and that does not exist.
+/// The error of a demonstration that a run needs and that does not exist.
 fn missing_demonstration(
     env: EnvId,
     settings: &Settings,

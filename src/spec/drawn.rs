@@ -9,7 +9,7 @@ use serde::{
     de::{Error, SeqAccess, Visitor, value::SeqAccessDeserializer},
 };
 
-/// What makes a panel of a figure.
+/// The panels of a figure.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Panels {
     /// Each value of this axis.
@@ -79,7 +79,7 @@ impl JsonSchema for Panels {
     }
 }
 
-/// How wide something is printed.
+/// The printed width of a figure.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Width {
     /// One column of two: 3.25 inches.
@@ -88,7 +88,7 @@ pub enum Width {
     Text,
     /// Both columns of two: 7 inches.
     Full,
-    /// So many inches.
+    /// This many inches.
     Inches(f64),
 }
 
@@ -102,7 +102,7 @@ impl Width {
     const WIDEST: f64 = 20.0;
     const EXPECTED: &str = "`column`, `text`, `full`, or inches from 2 to 20";
 
-    /// In inches.
+    /// The width in inches.
     pub const fn inches(self) -> f64 {
         match self {
             Self::Column => 3.25,

@@ -1,4 +1,4 @@
-//! What is wrong with a specification, and where it was written.
+//! The mistakes in a specification, and where each was written.
 
 use std::{cmp::Ordering, fmt, ops::Range, path::PathBuf, sync::Arc};
 
@@ -9,7 +9,7 @@ use miette::{
 /// Where a mistake was written.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Place {
-    /// In a file.
+    /// A place in a file.
     File {
         /// The file, as it was named.
         path: PathBuf,
@@ -25,15 +25,15 @@ pub enum Place {
 /// One mistake.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SpecError {
-    /// What is wrong: lower case, with the value.
+    /// The mistake in words: lower case, with the value.
     pub message: String,
     /// Where it was written.
     pub place: Place,
-    /// What belongs there instead, or the nearest known name; shown at the caret.
+    /// The expected value or the nearest known name; shown at the caret.
     pub label: Option<String>,
-    /// What else may be known to the reader.
+    /// Further help for the reader.
     pub help: Option<String>,
-    /// The keys that it is about: those on the way to the place, and the one that was probably
+    /// The keys that the mistake concerns: those on the path to it, and the one that was probably
     /// meant.
     pub(super) about: Vec<String>,
 }
@@ -65,8 +65,8 @@ impl SpecError {
         }
     }
 
-    /// The mistake as text alone where its line, or one beside it, is too long to be shown with a
-    /// caret.
+    /// The mistake without its source text, if its line or a neighbouring one is too long to be
+    /// shown with a caret.
     fn without_text(&self) -> Option<Self> {
         const LONGEST: usize = 4000;
         let Place::File { path, text, span } = &self.place else {
@@ -83,7 +83,7 @@ impl SpecError {
         })
     }
 
-    /// Files first, each from top to bottom.
+    /// Orders mistakes by place: files first, each from top to bottom.
     pub(super) fn order(&self, other: &Self) -> Ordering {
         match (&self.place, &other.place) {
             (
@@ -110,8 +110,8 @@ impl fmt::Display for SpecError {
     }
 }
 
-/// The most mistakes that are shown: a file with more has one that makes the others, or a person
-/// who wants to begin.
+/// The most mistakes that are shown: among more, one causes the others, or the reader wants to
+/// begin somewhere.
 const MOST_SHOWN: usize = 50;
 
 /// Every mistake that was found, in the order of the files; at least one.
@@ -119,7 +119,7 @@ const MOST_SHOWN: usize = 50;
 pub struct SpecErrors(Vec<SpecError>);
 
 impl SpecErrors {
-    /// `errors` in the order of their places, each once; `Ok` when there are none.
+    /// `errors` in the order of their places, without duplicates; `Ok` when there are none.
     pub(super) fn none_or(mut errors: Vec<SpecError>) -> Result<(), Self> {
         errors.sort_by(SpecError::order);
         errors.dedup();
@@ -135,8 +135,8 @@ impl SpecErrors {
         self.0.iter()
     }
 
-    /// The first of them for people, each with its line and a caret: with colours and box drawing
-    /// when `terminal`, else in plain ASCII. How many there are stands at the end.
+    /// The first mistakes for people, each with its line and a caret, and then their total number.
+    /// Has colours and box drawing if `terminal`, and is plain ASCII if not.
     pub fn render(&self, terminal: bool) -> String {
         let theme = if terminal {
             GraphicalTheme::unicode()
@@ -184,14 +184,14 @@ impl fmt::Display for SpecErrors {
 
 impl fmt::Debug for SpecErrors {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // What `expect` prints in a test is for people too.
+        // `expect` in a test prints this too, so it should be readable.
         write!(f, "\n{self}")
     }
 }
 
 impl std::error::Error for SpecErrors {}
 
-/// A mistake as miette wants it.
+/// A mistake in the form that miette renders.
 #[derive(Debug)]
 struct Shown<'a> {
     error: &'a SpecError,

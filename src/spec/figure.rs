@@ -1,4 +1,4 @@
-//! What a report shows: figures and tables.
+//! The figures and tables of a report.
 
 use std::fmt;
 
@@ -90,7 +90,7 @@ pub struct SettingsTable {
     pub only: Option<Selection>,
 }
 
-/// What a table of settings shows.
+/// An entry of a table of settings.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Shown {
     /// Numbers in an observation.
@@ -99,7 +99,7 @@ pub enum Shown {
     Actions,
     /// Episodes of the demonstration.
     Trajectories,
-    /// What was set.
+    /// A setting or hyperparameter.
     Parameter(Parameter),
 }
 
@@ -143,7 +143,7 @@ impl fmt::Display for Shown {
 pub enum Reference {
     /// All methods in all environments.
     Table3,
-    /// The same, by another measure of the same runs.
+    /// As Table 3, by another measure of the same runs.
     Table4,
     /// The ablation of d and epsilon.
     Table5,

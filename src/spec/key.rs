@@ -1,4 +1,4 @@
-//! What runs can be told apart by.
+//! The keys that tell runs apart.
 
 use std::{cmp::Ordering, fmt};
 
@@ -8,8 +8,8 @@ use super::{
     named::{Named, by_name},
 };
 
-/// A key that every run has a value of, or none: what makes rows, columns, curves and panels, and
-/// what a selection asks for.
+/// A key of runs, for which a run has a value or none.
+/// Keys make rows, columns, curves and panels, and a selection asks for their values.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Key {
     /// The environment.
@@ -33,7 +33,7 @@ impl Key {
         }
     }
 
-    /// Its last part, which is what a reader calls it: `max_kl` of `mcpo.max_kl`.
+    /// The last part of its name, which readers know it by: `max_kl` of `mcpo.max_kl`.
     pub fn last_part(&self) -> &str {
         match self {
             Self::Env => "env",
@@ -72,7 +72,7 @@ impl fmt::Display for Key {
 }
 
 impl Ord for Key {
-    /// By name.
+    /// Orders keys by name.
     fn cmp(&self, other: &Self) -> Ordering {
         self.to_string().cmp(&other.to_string())
     }

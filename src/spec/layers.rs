@@ -13,7 +13,7 @@ use super::catalog::Catalog;
 /// Prefix of the environment variables that set keys.
 const PREFIX: &str = "MCPO_";
 
-/// Variables of the program's own, which set no key.
+/// Variables that the program reads itself, and that set no key.
 const OWN: [&str; 1] = ["results"];
 
 /// The environment variables that set keys, in order of names: the variable, the parts of its key,
@@ -33,11 +33,10 @@ pub(super) fn variables() -> BTreeMap<String, (Vec<String>, String)> {
         .collect()
 }
 
-/// All layers in one, key by key; lists and choices are replaced whole.
+/// Merges all layers, key by key; lists and choices are replaced whole.
 ///
-/// A layer wins over every weaker one, whichever table it uses: a general `budget.env_steps` takes
-/// the place of what weaker layers said under `environments."Ant-v2"`, so that `--set` reaches
-/// every run.
+/// A layer wins over every weaker one, whichever table it uses. So a general `budget.env_steps`
+/// replaces what weaker layers set under `environments."Ant-v2"`, and `--set` reaches every run.
 pub(super) fn merge(layers: impl IntoIterator<Item = toml::Table>) -> toml::Table {
     let mut merged = toml::Table::new();
     for layer in layers {
@@ -51,7 +50,7 @@ pub(super) fn merge(layers: impl IntoIterator<Item = toml::Table>) -> toml::Tabl
     merged
 }
 
-/// Removes from `weaker` what it says under single environments and `stronger` says for all.
+/// Removes from `weaker` the keys of single environments that `stronger` sets for all.
 fn shadow(weaker: &mut toml::Table, stronger: &toml::Table) {
     let Some(toml::Value::Table(environments)) = weaker.get_mut("environments") else {
         return;
@@ -68,7 +67,7 @@ fn shadow(weaker: &mut toml::Table, stronger: &toml::Table) {
     }
 }
 
-/// Removes `key` from `table`, or of a table there only what `value` says too.
+/// Removes `key` from `table`; if its value and `value` are both tables, only the keys of `value`.
 fn remove(table: &mut toml::Table, key: &str, value: &toml::Value) {
     match (table.get_mut(key), value) {
         (Some(toml::Value::Table(inner)), toml::Value::Table(over)) => {

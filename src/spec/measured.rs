@@ -6,12 +6,12 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};
 use super::names::{nearest_label, told};
 use crate::measured::{Measure, UnknownMeasure};
 
-/// What a figure draws.
+/// The content of a figure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Drawing {
     /// One step of MCPO, as in the paper's Figure 1, which needs no run.
     Step,
-    /// Learning curves of this.
+    /// Learning curves of this quantity.
     Of(Measure),
 }
 
@@ -19,7 +19,7 @@ impl Drawing {
     /// The name of [`Drawing::Step`].
     const STEP: &str = "step";
 
-    /// What its curves are of, where it has any.
+    /// The quantity of its curves; `None` if it has none.
     pub fn measure(self) -> Option<Measure> {
         match self {
             Self::Step => None,
@@ -84,7 +84,7 @@ pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<
     Measure::parse(&String::deserialize(deserializer)?).map_err(wrong)
 }
 
-/// What to say of a name that `what` cannot be.
+/// The message about a name that is not allowed for `what`.
 fn refusal(
     error: &UnknownMeasure,
     what: &str,

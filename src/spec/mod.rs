@@ -50,16 +50,16 @@ use crate::env::EnvId;
 
 /// One experiment file, after its layers are merged.
 ///
-/// Settings and hyperparameters stay TOML tables here: their defaults depend on the environment, so
-/// [`resolve`](ExperimentSpec::resolve) makes them types run by run. They were checked, key by key, when the file was
-/// read.
+/// Settings and hyperparameters are still TOML tables here, already checked key by key. Their
+/// defaults depend on the environment, so [`resolve`](ExperimentSpec::resolve) gives them types run
+/// by run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ExperimentSpec {
     /// Name of the experiment, and of its folder under the results.
     pub name: String,
     /// A sentence for readers.
     pub description: String,
-    /// What is set for all runs: [`Settings`], where given.
+    /// The settings of all runs ([`Settings`]), as far as they are given.
     pub settings: toml::Table,
     /// `[algorithms]`: hyperparameters by the algorithm's name, where given.
     pub algorithms: toml::Table,
@@ -77,7 +77,7 @@ pub struct ExperimentSpec {
     pub settings_tables: Vec<SettingsTable>,
     /// The file, as it was named on the command line.
     pub file: PathBuf,
-    /// `[slurm]`: what its elements ask a cluster for.
+    /// `[slurm]`: the resources that its elements ask a cluster for.
     pub slurm: Slurm,
     /// The folder of the file.
     pub folder: PathBuf,
@@ -101,13 +101,13 @@ pub struct Block {
 /// One list of a block.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Axis {
-    /// What it varies.
+    /// The parameter that it varies.
     pub parameter: Parameter,
     /// Its values, in the file's order.
     pub values: Vec<toml::Value>,
 }
 
-/// What is set on the command line, over the file and the environment variables.
+/// Values from the command line, which win over the file and the environment variables.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Overrides {
     /// `--set`: `KEY=VALUE`, the key as in the file (`budget.env_steps=100000`).
@@ -126,7 +126,7 @@ pub fn load(path: &Path, overrides: &Overrides) -> Result<ExperimentSpec, SpecEr
     assemble::assemble(path, None, overrides)
 }
 
-/// The same for a `text` as if it stood at `path`, whatever the environment variables say.
+/// Like [`load`], for `text` as if it stood at `path`, and without environment variables.
 ///
 /// # Errors
 ///
@@ -135,12 +135,12 @@ pub fn parse(path: &Path, text: &str, overrides: &Overrides) -> Result<Experimen
     assemble::assemble(path, Some(text), overrides)
 }
 
-/// One combination of a block but for its seed: environment, algorithm, and the values of the axes
+/// One combination of a block without its seed: environment, algorithm, and the values of the axes
 /// that apply to it.
 pub type Combination<'a> = (EnvId, &'a str, Vec<(&'a Parameter, &'a toml::Value)>);
 
 impl ExperimentSpec {
-    /// How many runs the blocks name; what two of them name counts twice.
+    /// The number of runs that the blocks name; a run that two of them name counts twice.
     pub fn named_runs(&self) -> usize {
         self.matrix
             .iter()
@@ -168,8 +168,9 @@ impl ExperimentSpec {
 }
 
 impl Block {
-    /// Every combination but for the seeds, in order: environment, algorithm, then the axes, the
-    /// last one fastest. An axis that an algorithm does not have does not multiply its runs.
+    /// Every combination without its seeds, in order: environment, algorithm, then the axes, the
+    /// last one fastest.
+    /// An axis that an algorithm does not have does not multiply its runs.
     pub fn combinations(&self) -> Vec<Combination<'_>> {
         let mut all = Vec::new();
         for &env in &self.env {
@@ -214,7 +215,7 @@ impl Block {
             .saturating_mul(self.seed.len())
     }
 
-    /// The axes that `algorithm` has.
+    /// The axes that apply to `algorithm`.
     fn applicable(&self, algorithm: &str) -> impl Iterator<Item = &Axis> {
         self.axes
             .iter()

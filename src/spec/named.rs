@@ -1,26 +1,26 @@
-//! What a file names by a word of a known list, read once and a type from then on.
+//! Types that a file names by a word from a known list.
 
 use serde::de::Error;
 
 use super::names::{nearest_label, told};
 
-/// A type of which each value has a name in a file.
+/// A type whose values have names in a file.
 pub(super) trait Named: Sized {
-    /// What a message calls it: `axis`.
+    /// The kind of value in messages, such as `axis`.
     const WHAT: &str;
 
-    /// The value that is called `name`; `None` where there is none.
+    /// The value called `name`; `None` where there is none.
     fn named(name: &str) -> Option<Self>;
 
     /// Every name, for a message that offers them.
     fn known() -> Vec<String>;
 }
 
-/// The value that is called `name`.
+/// The value called `name`.
 ///
 /// # Errors
 ///
-/// There is none; what is known instead is told.
+/// There is none; the message tells the known names.
 pub(super) fn named<T: Named, E: Error>(name: &str) -> Result<T, E> {
     T::named(name).ok_or_else(|| {
         let known = T::known();
@@ -32,7 +32,7 @@ pub(super) fn named<T: Named, E: Error>(name: &str) -> Result<T, E> {
     })
 }
 
-/// Has a [`Named`] type written and read as its name, which its `Display` gives.
+/// Makes a [`Named`] type read and write as its name, which its `Display` gives.
 macro_rules! by_name {
     ($type:ident) => {
         impl serde::Serialize for $type {

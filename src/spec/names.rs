@@ -1,7 +1,7 @@
 //! The nearest known name, and serde's messages in words for people.
 
-/// The one of `known` that `name` was meant to be: which differs in no more than a third of its
-/// letters, upper and lower case apart.
+/// The one of `known` that was probably meant by `name`: at most a third of its letters differ,
+/// whatever their case.
 pub(super) fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     const LONGEST: usize = 100;
     if name.len() > LONGEST {
@@ -21,7 +21,8 @@ pub(super) fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) 
 /// The most names that are listed where none is near.
 const MOST_LISTED: usize = 40;
 
-/// "the nearest known key is `max_kl`", where `what` is "key"; what is known where none is near.
+/// "the nearest known key is `max_kl`", where `what` is "key"; the list of known names if none is
+/// near.
 pub(super) fn nearest_label<'a>(
     what: &str,
     name: &str,
@@ -51,7 +52,7 @@ pub(super) fn nearest_label<'a>(
     (!most.is_empty()).then(|| format!("the known ones are {}{more}", list(most.iter().copied())))
 }
 
-/// "`a`, `b` and `c`".
+/// Joins names as in "`a`, `b` and `c`".
 pub(super) fn list<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     let names: Vec<String> = names.into_iter().map(|name| format!("`{name}`")).collect();
     match names.as_slice() {
@@ -61,13 +62,12 @@ pub(super) fn list<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     }
 }
 
-/// The text of an error of a type of this module, which says all of it: `message`, and what to show
-/// at the caret.
+/// Packs `message`, and the label for the caret, into the text of one error; see [`told_apart`].
 pub(super) fn told(message: &str, label: Option<&str>) -> String {
     format!("{message}\n{}", label.unwrap_or_default())
 }
 
-/// What [`told`] put together; `None` for another text.
+/// Unpacks a text of [`told`]; `None` for any other text.
 pub(super) fn told_apart(text: &str) -> Option<(String, Option<String>)> {
     let (message, label) = text.split_once('\n')?;
     Some((
@@ -76,7 +76,7 @@ pub(super) fn told_apart(text: &str) -> Option<(String, Option<String>)> {
     ))
 }
 
-/// A message of serde, toml or a bounded number in plain words, and what to show at the caret.
+/// A message of serde, toml or a bounded number in plain words, and the label for the caret.
 pub(super) fn plain(message: &str) -> (String, Option<String>) {
     let message = message.lines().next().unwrap_or_default();
     wrong_choice(message)
@@ -87,7 +87,7 @@ pub(super) fn plain(message: &str) -> (String, Option<String>) {
         .unwrap_or_else(|| (message.to_owned(), None))
 }
 
-/// Of what is a name, or a table with a name and its fields.
+/// A message about a choice: a name, or a table with a name and its fields.
 fn wrong_choice(message: &str) -> Option<(String, Option<String>)> {
     let wrong = match message {
         "wanted string or table" => "this is neither a name nor a table",
@@ -102,7 +102,7 @@ fn wrong_choice(message: &str) -> Option<(String, Option<String>)> {
     ))
 }
 
-/// Whole numbers beyond 64 bits.
+/// A message about a whole number beyond 64 bits.
 fn too_large(message: &str) -> Option<(String, Option<String>)> {
     let (number, rest) = message
         .strip_prefix("invalid type: integer `")?
@@ -157,7 +157,7 @@ fn unknown_name(message: &str) -> Option<(String, Option<String>)> {
             let (wrong, known) = names.split_first()?;
             (what, *wrong, known.to_vec())
         };
-    // What is known stands in the message.
+    // The message itself lists the known names.
     let label = nearest(wrong, known.iter().copied())
         .map(|nearest| format!("the nearest known {what} is `{nearest}`"));
     Some((
@@ -169,7 +169,7 @@ fn unknown_name(message: &str) -> Option<(String, Option<String>)> {
     ))
 }
 
-/// What was found: "string "abc"" as it is, floating point `2.5` as the number 2.5.
+/// The found value in words: "string "abc"" as it is, floating point `2.5` as the number 2.5.
 fn found_in_words(found: &str) -> String {
     let numbers = ["floating point `", "integer `", "boolean `"];
     match numbers
@@ -185,7 +185,7 @@ fn found_in_words(found: &str) -> String {
     }
 }
 
-/// What kind of date it is, which serde calls a map.
+/// The kind of a date in words; serde calls it a map.
 pub(super) fn date_in_words(date: &toml::value::Datetime) -> &'static str {
     match (date.date, date.time) {
         (Some(_), None) => "date",

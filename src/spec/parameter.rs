@@ -20,7 +20,7 @@ pub enum Parameter {
     },
 }
 
-/// What the values of a parameter are.
+/// The type of a parameter's values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
     /// Any number.
@@ -102,7 +102,7 @@ impl Parameter {
         }
     }
 
-    /// Whether it is the same as `other` in runs of `algorithm`.
+    /// Whether it is the same parameter as `other` in runs of `algorithm`.
     pub(crate) fn is(&self, other: &Self, algorithm: &str) -> bool {
         match (
             self.hyperparameter_of(algorithm),
@@ -113,7 +113,7 @@ impl Parameter {
         }
     }
 
-    /// What its values are.
+    /// The type of its values.
     pub(crate) fn kind(&self) -> Kind {
         let catalog = Catalog::get();
         let mut algorithms = catalog.algorithms();
@@ -135,13 +135,13 @@ impl Parameter {
         let path: Vec<&str> = key.split('.').collect();
         let schema = section.and_then(|section| section.schema(&path));
         let null = &serde_json::Value::Null;
-        // Of a choice such as `d`, a number or a share, the first form is what tables and curves
-        // show.
+        // A choice such as `d`, a number or a share, counts as its first form: tables and curves
+        // show that one.
         let types = schema.map_or(null, |schema| match &schema["type"] {
             serde_json::Value::Null => &schema["oneOf"][0]["type"],
             types => types,
         });
-        // What may be absent is `["number", "null"]`.
+        // A value that may be absent has the type `["number", "null"]`.
         match types
             .as_str()
             .or_else(|| types.as_array()?.first()?.as_str())

@@ -1,4 +1,4 @@
-//! From what a file says to what one run has: defaults, the general tables, the environment's, the
+//! From a file's settings to those of one run: defaults, the general tables, the environment's, the
 //! axes.
 
 use super::{Algorithm, ExperimentSpec, Parameter, Settings, catalog::Catalog};
@@ -23,7 +23,7 @@ pub enum ResolveError {
         env: EnvId,
         /// The algorithm.
         algorithm: String,
-        /// What the reader said.
+        /// The TOML reader's error.
         source: toml::de::Error,
     },
 }
@@ -69,6 +69,7 @@ impl ExperimentSpec {
         {
             section.merge(&mut hyperparameters, own);
         }
+        // Axes come last, so that they win.
         for (parameter, value) in axes {
             match parameter {
                 Parameter::Setting(key) => catalog.settings.merge(&mut given, &nested(key, value)),
@@ -80,6 +81,7 @@ impl ExperimentSpec {
             }
         }
 
+        // These hyperparameters were merged above, and are no settings.
         given.remove("algorithms");
         let mut settings = settings(env, algorithm, given)
             .map_err(wrong)?
@@ -98,7 +100,7 @@ impl ExperimentSpec {
     }
 }
 
-/// `given` over the defaults of `algorithm` in `env`; `None` without a budget.
+/// The defaults of `algorithm` in `env`, overridden by `given`; `None` without a budget.
 fn settings(
     env: EnvId,
     algorithm: &str,

@@ -1,9 +1,8 @@
-//! Robots of one's own: from the tables under `[environments]` that describe one to environments.
+//! Users' robots: from the tables under `[environments]` that describe them to environments.
 //!
-//! Owns which tables these are, how the layers' keys for one robot become one table, and where in a
-//! file its mistakes are. What the keys mean is the robot's own
-//! ([`env::robot`](crate::env::robot)); what a key's value may be is `check`'s. Start at
-//! [`Robots::read`].
+//! Owns which tables these are, how the layers' keys for one robot become one table, and where its
+//! mistakes are in a file. The meaning of the keys is in [`env::robot`](crate::env::robot); the
+//! values that a key may have are `check`'s. Start at [`Robots::read`].
 
 use std::{collections::BTreeMap, path::Path, sync::Arc};
 
@@ -18,13 +17,13 @@ use crate::env::{EnvError, EnvId, robot::Robot};
 /// The robots that the layers of one file describe.
 #[derive(Default)]
 pub(super) struct Robots {
-    /// By name; `None` where something is wrong with one.
+    /// The robots by name; `None` for one with a mistake.
     known: BTreeMap<String, Option<EnvId>>,
 }
 
 impl Robots {
-    /// Those that `sources`, weakest first, describe, with what is wrong with each as a whole. What
-    /// is wrong with a single value is told by the check of its layer, and not here.
+    /// The robots that `sources`, weakest first, describe, and the mistakes of each as a whole.
+    /// A mistake in a single value is reported by the check of its layer, not here.
     pub(super) fn read(sources: &[Source<'_>]) -> (Self, Vec<SpecError>) {
         let mut tables: BTreeMap<String, toml::Table> = BTreeMap::new();
         for source in sources {
@@ -42,7 +41,7 @@ impl Robots {
                     }));
             }
         }
-        // Of a name that ships, `check` refuses the keys that only a robot has.
+        // For a name that ships, `check` refuses the keys that only a robot has.
         tables.retain(|name, table| !ships(name) && table.keys().any(|key| is_robots_alone(key)));
         let (mut robots, mut errors) = (Self::default(), Vec::new());
         for (name, table) in tables {
@@ -63,11 +62,11 @@ impl Robots {
     ///
     /// # Errors
     ///
-    /// There is none; `None` stands for a robot whose own mistakes have their messages.
+    /// There is none; the error is `None` for a robot whose own mistakes are already reported.
     pub(super) fn find(&self, name: &str) -> Result<EnvId, Option<EnvError>> {
         match self.known.get(name) {
             Some(robot) => robot.ok_or(None),
-            // A robot that another file described is none of this one's.
+            // A robot from another file is not known here.
             None => match name.parse::<EnvId>() {
                 Ok(env) if !env.is_own() => Ok(env),
                 _ => Err(Some(self.unknown(name))),
@@ -107,8 +106,7 @@ fn ships(name: &str) -> bool {
     EnvId::known().any(|(known, _)| known == name)
 }
 
-/// The tables under `[environments]` in `source`, with those of their keys that a robot's table
-/// has.
+/// The tables under `[environments]` in `source`, reduced to the keys of a robot's table.
 fn written(source: &Source<'_>) -> Vec<(String, toml::Table)> {
     let environments = source
         .tree
@@ -144,7 +142,7 @@ impl Described<'_> {
     ///
     /// # Errors
     ///
-    /// Whatever is wrong with it as a whole; nothing where single values are wrong.
+    /// The mistakes of the robot as a whole; an empty list if only single values are wrong.
     fn environment(&self, table: toml::Table) -> Result<EnvId, Vec<SpecError>> {
         let required = Catalog::get()
             .robot
@@ -164,7 +162,7 @@ impl Described<'_> {
         EnvId::of_robot(self.name, robot).map_err(|error| vec![self.located(error, &model)])
     }
 
-    /// `error` where it was written: in the robot's table, or in its model.
+    /// Places `error` where it was written: in the robot's table, or in its model.
     fn located(&self, error: EnvError, model: &Path) -> SpecError {
         match error {
             EnvError::Robot {
@@ -201,8 +199,8 @@ impl Described<'_> {
         }
     }
 
-    /// `message` at the end of `way` in the robot's table, as the strongest layer has it, or else
-    /// as near as any has it.
+    /// `message` at the end of `way` in the robot's table, or at the nearest key above it that is
+    /// written; in the strongest layer that has it.
     fn error(&self, way: &[Step], message: String, label: Option<String>) -> SpecError {
         let table = [
             Step::Key("environments".to_owned()),
@@ -226,7 +224,7 @@ impl Described<'_> {
     }
 }
 
-/// The line of the file `model` that MuJoCo's `message` names, if it names one.
+/// The line of the file `model` that MuJoCo's `message` names; `None` if it names none.
 fn in_model(message: &str, model: &Path) -> Option<Place> {
     let (_, after) = message.rsplit_once("line ")?;
     let digits = after.split(|c: char| !c.is_ascii_digit()).next()?;

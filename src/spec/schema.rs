@@ -9,9 +9,9 @@ use super::{
 };
 use crate::{env::EnvId, measured::Measure};
 
-/// What an editor takes for the name of a robot of one's own: one without a Gym version at its end,
-/// where a mistake in the name of an environment that ships is likelier. The parser, which knows
-/// the robots, is not so strict.
+/// The names that an editor accepts for a user's robot: those without a Gym version at the end.
+/// A name with one is more likely a mistyped environment that ships.
+/// The parser, which knows the robots, is less strict.
 const OWN: &str = "^(?!.*-v[0-9]+$)[A-Za-z0-9_-][A-Za-z0-9._-]{0,99}$";
 
 /// The JSON Schema (draft 2020-12) of a matrix file: every key with its documentation.
@@ -92,6 +92,7 @@ pub fn schema() -> Value {
         let mut element = section.schema(&[]).cloned().unwrap_or_default();
         let fields = &mut element["properties"];
         fields["name"] = name("File name without extension");
+        // The types' own schemas allow any text; editors should offer the known names.
         for (field, names) in [
             ("y", Drawing::names().map(str::to_owned).collect()),
             ("reference", Reference::known()),
@@ -131,6 +132,7 @@ pub fn schema() -> Value {
     let mut schema = object("An experiment of mcpo-run", file);
     schema["$schema"] = json!("https://json-schema.org/draft/2020-12/schema");
     schema["title"] = json!("mcpo-run experiment");
+    // A file that extends another may leave its name and matrix to that.
     schema["anyOf"] = json!([{ "required": ["extends"] }, { "required": ["name", "matrix"] }]);
     schema
 }
@@ -173,7 +175,7 @@ fn block() -> Value {
     block
 }
 
-/// A claim: what is kept is compared with nothing, what is compared is compared with something.
+/// A claim: a constraint that is kept has no comparison, any other claim has one.
 fn claim(section: &Section) -> Value {
     let mut claim = section.schema(&[]).cloned().unwrap_or_default();
     one_of(
@@ -212,7 +214,7 @@ fn value(name: &str) -> Option<Value> {
     }
 }
 
-/// Lets `schema`, of a text, have these values alone.
+/// Restricts `schema`, of a text, to the values `names`.
 fn one_of(schema: &mut Value, names: &[String]) {
     if let Some(fields) = schema.as_object_mut() {
         let may_be_absent = fields["type"].is_array();
@@ -245,7 +247,7 @@ fn properties(schema: &Value) -> Map<String, Value> {
 }
 
 /// `schema` with no key required, since every one has a default; the fields of choices, such as a
-/// reward's, stay so.
+/// reward's, stay required.
 fn optional(schema: &Value) -> Value {
     let mut schema = schema.clone();
     if let Some(fields) = schema

@@ -1,4 +1,4 @@
-//! Which runs are meant: `env=Hopper-v2,algorithm=mcpo,d!=0.001`.
+//! Selections of runs: `env=Hopper-v2,algorithm=mcpo,d!=0.001`.
 
 use std::fmt;
 
@@ -12,15 +12,15 @@ use super::{
 };
 use crate::env::EnvId;
 
-/// Runs by the values of their axes and parameters. Different keys must all match; of one key given
-/// twice, one value.
+/// Runs selected by the values of their axes and parameters.
+/// All keys must match; a key given twice must match one of its values.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Selection {
-    /// As it was written.
+    /// The text as it was written.
     text: String,
     /// Keys with the values that they may have.
     pub(crate) wanted: Vec<(Key, Vec<toml::Value>)>,
-    /// Keys with the values that they may not have; a run without the key has none of them.
+    /// Keys with the values that they may not have; a run without the key is not excluded.
     pub(crate) unwanted: Vec<(Key, Vec<toml::Value>)>,
 }
 
@@ -33,9 +33,9 @@ pub enum SelectionError {
     /// No run has such a key.
     #[error("unknown key `{key}` in a selection; {known}")]
     Key {
-        /// As it was given.
+        /// The key as it was given.
         key: String,
-        /// What is known instead.
+        /// The known keys, for the message.
         known: String,
     },
     /// There is no such environment or algorithm.
@@ -43,9 +43,9 @@ pub enum SelectionError {
     Value {
         /// `env` or `algorithm`.
         key: String,
-        /// As it was given.
+        /// The value as it was given.
         value: String,
-        /// What is known instead.
+        /// The known names, for the message.
         known: String,
     },
 }
@@ -91,7 +91,7 @@ fn unknown(name: &str) -> SelectionError {
     }
 }
 
-/// What `value` means for `key`.
+/// The TOML value that `value` stands for under `key`.
 fn meaning(key: &Key, value: &str) -> Result<toml::Value, SelectionError> {
     let unknown = |known: String| SelectionError::Value {
         key: key.to_string(),

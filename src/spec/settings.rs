@@ -1,4 +1,4 @@
-//! What can be set for all runs, for one environment, or as an axis, beside hyperparameters.
+//! The settings of all runs, of one environment, or of an axis, beside hyperparameters.
 
 use std::path::PathBuf;
 
@@ -97,7 +97,7 @@ pub struct Checkpoint {
 impl Settings {
     /// Where demonstrations lie, from the folder of the experiment.
     pub(super) const DEMONSTRATIONS: &str = "demos/{env}.parquet";
-    /// The share of training steps that evaluations under way may take, as one part in so many.
+    /// Evaluations during training may take one part in this many of its steps.
     const EVALUATION_PART: u64 = 10;
     /// Steps between two evaluations where these cost little: a hundred points in a learning curve
     /// of 2 million steps.
@@ -142,16 +142,17 @@ impl Settings {
         }
     }
 
-    /// The default of `evaluation.every`: the same whatever the budget, so that a run that is made
-    /// longer is evaluated at the same steps as one that was longer from the start; and never such
-    /// that evaluations cost more than a tenth of training's steps.
+    /// The default of `evaluation.every`.
+    /// It does not depend on the budget: a run that is extended is evaluated at the same steps as
+    /// one that was longer from the start.
+    /// Evaluations never cost more than a tenth of training's steps.
     pub(super) fn evaluate_every(episodes: Count, max_steps: Count) -> EnvSteps {
         let longest = episodes.get().saturating_mul(max_steps.get());
         count(Self::EVALUATE_EVERY.max(longest.saturating_mul(Self::EVALUATION_PART)))
     }
 }
 
-/// A count that is known to be one.
+/// `number` as a count, known to be above 0.
 fn count(number: u64) -> Count {
     constant(i64::try_from(number).unwrap_or(i64::MAX))
 }

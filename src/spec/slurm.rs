@@ -1,4 +1,4 @@
-//! `[slurm]`: what `mcpo-run submit` asks a cluster for. No run depends on it.
+//! `[slurm]`: the resources that `mcpo-run submit` asks a cluster for. No run depends on it.
 
 use serde::{Deserialize, Serialize};
 
@@ -56,7 +56,7 @@ impl Slurm {
     }
 }
 
-/// Makes a text that `$is` finds good a type of its own.
+/// Defines a type for texts that `$is` accepts.
 macro_rules! text {
     ($(#[$docs:meta])* $name:ident, $is:expr, $expected:expr) => {
         $(#[$docs])*
@@ -66,7 +66,7 @@ macro_rules! text {
         pub struct $name(String);
 
         impl $name {
-            /// As it was written.
+            /// The text as it was written.
             pub fn as_str(&self) -> &str {
                 &self.0
             }
@@ -123,7 +123,7 @@ text! {
     format!("an option of sbatch such as --constraint=avx512; these are set by the program: {}", OWN.join(", "))
 }
 
-/// The options of `sbatch` that make an element what it is.
+/// The options of `sbatch` that the program sets itself.
 const OWN: [&str; 13] = [
     "--array",
     "--chdir",
@@ -147,7 +147,7 @@ fn is_free(text: &str) -> bool {
         && letters
             .chars()
             .all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-');
-    // sbatch takes the beginning of an option's name for the option.
+    // sbatch accepts the beginning of an option's name for the whole name.
     is_name && !OWN.iter().any(|own| own.starts_with(name))
 }
 

@@ -1,4 +1,4 @@
-//! Reading the layers, and finding in them where a key was written.
+//! Reads the layers, and finds where in them a key was written.
 
 use std::{
     io,
@@ -23,10 +23,10 @@ use crate::{
     intake::{self, Links},
 };
 
-/// No matrix that a person wrote is longer, bytes.
+/// The longest matrix that is read, bytes; no person writes a longer one.
 const LONGEST: u64 = 4 << 20;
 
-/// What stands in toml's messages of slips that others follow, up to the end of a list, an inline
+/// Phrases in toml's messages about slips that cause others, up to the end of a list, an inline
 /// table or a text.
 const CONTAINERS: [&str; 7] = [
     "array element",
@@ -38,14 +38,14 @@ const CONTAINERS: [&str; 7] = [
     "the list above",
 ];
 
-/// What toml says of a block's header without end, which is a slip of one line.
+/// toml's message about a block's header without end, a slip that affects one line.
 const HEADER: &str = "unclosed array table";
 
 /// The text of one layer.
 pub(super) struct Layer {
     /// The file; `None` for a variable or an argument.
     pub(super) path: Option<PathBuf>,
-    /// What a message calls it.
+    /// Its name in messages.
     name: String,
     text: Arc<str>,
 }
@@ -69,7 +69,7 @@ impl Layer {
         }
     }
 
-    /// The place of `span` in it.
+    /// The place of `span` in this layer.
     pub(super) fn place(&self, span: Range<usize>) -> Place {
         match &self.path {
             Some(path) => Place::File {
@@ -89,11 +89,12 @@ impl Layer {
             .unwrap_or(Path::new(""))
     }
 
-    /// What it says, and every mistake of syntax in it.
+    /// The parsed layer, and every syntax error in it.
     pub(super) fn parse(&self) -> (Source<'_>, Vec<SpecError>) {
         let (tree, mut errors) = DeTable::parse_recoverable(&self.text);
         let mut told: Vec<SpecError> = Vec::new();
         let mut open = false;
+        // In the file's order, since later errors may follow from earlier ones.
         errors.sort_by_key(|error| error.span().map_or(0, |span| span.start));
         for error in errors {
             let span = error.span().unwrap_or(0..0);
@@ -113,7 +114,7 @@ impl Layer {
             let is_key =
                 |message: &str| is_assigned && message.starts_with("string values must be quoted");
             let (message, label) = match error.message().split_once(", expected ") {
-                // What toml says of `key =` with nothing behind it.
+                // toml's message about `key =` with nothing behind it.
                 Some(_)
                     if span.is_empty()
                         && error.message().starts_with("string values must be quoted") =>
@@ -123,7 +124,7 @@ impl Layer {
                         Some("expected a value".to_owned()),
                     )
                 }
-                // The next key, taken for one more element.
+                // The next key was taken for one more element.
                 Some((message, _))
                     if starts_line
                         && (message.starts_with("missing comma between array")
@@ -146,8 +147,8 @@ impl Layer {
                 help: None,
                 about: Vec::new(),
             };
-            // What follows a slip on its line, or a list, table or text that does not end, follows
-            // from it.
+            // Errors after a slip on the same line, or inside a list, table or text that does not
+            // end, are its consequences.
             if open || told.last().is_some_and(|last| last.line() == error.line()) {
                 continue;
             }
@@ -167,20 +168,20 @@ pub(super) struct Source<'a> {
     pub(super) tree: Spanned<DeTable<'a>>,
 }
 
-/// A step on the way to a value.
+/// A step on the path to a value.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Step {
     Key(String),
     Index(usize),
 }
 
-/// The way to the dotted `key`.
+/// The path to the dotted `key`.
 pub(super) fn steps(key: &str) -> Vec<Step> {
     key.split('.').map(|key| Step::Key(key.into())).collect()
 }
 
 impl Source<'_> {
-    /// The bytes of the value at the end of `way`, or `None` when this layer does not have it.
+    /// The bytes of the value at the end of `way`; `None` if this layer does not have it.
     pub(super) fn span(&self, way: &[Step]) -> Option<Range<usize>> {
         let (last, before) = way.split_last()?;
         let inner = match before.split_first() {
@@ -200,8 +201,8 @@ impl Source<'_> {
         inner.map(Spanned::span)
     }
 
-    /// The bytes of the value at the end of `way` under the table of `env`, whichever of its names
-    /// that has.
+    /// The bytes of the value at the end of `way` under the table of `env`, by whichever of its
+    /// names.
     pub(super) fn environment_span(&self, env: EnvId, way: &[Step]) -> Option<Range<usize>> {
         let environments = self
             .tree
@@ -241,10 +242,9 @@ pub(super) fn plain_value(value: &Spanned<DeValue<'_>>) -> Option<toml::Value> {
     toml::Value::deserialize(ValueDeserializer::from(value.clone())).ok()
 }
 
-/// The file at `path` and those that it extends, weakest first, with what is wrong with their
-/// names.
+/// The file at `path` and those that it extends, weakest first, and the errors in their names.
 ///
-/// `text` is the file's, where it is not read from `path`.
+/// `text` is the file's content, if it is not to be read from `path`.
 pub(super) fn files(path: &Path, text: Option<&str>) -> (Vec<Layer>, Vec<SpecError>) {
     let mut chain: Vec<Layer> = Vec::new();
     let mut seen: Vec<PathBuf> = Vec::new();
@@ -269,6 +269,7 @@ pub(super) fn files(path: &Path, text: Option<&str>) -> (Vec<Layer>, Vec<SpecErr
     };
     let mut errors = Vec::new();
     while let Some(layer) = next.take() {
+        // Canonical paths, so that a cycle is noticed under another name too.
         seen.extend(
             layer
                 .path
@@ -300,11 +301,12 @@ pub(super) fn files(path: &Path, text: Option<&str>) -> (Vec<Layer>, Vec<SpecErr
         }
         chain.push(layer);
     }
+    // The file read last is the weakest.
     chain.reverse();
     (chain, errors)
 }
 
-/// The file that `layer` extends, and where it says so.
+/// The file that `layer` extends, and the place that says so.
 fn extended(layer: &Layer) -> Option<(PathBuf, Range<usize>)> {
     let (source, _) = layer.parse();
     let value = source.tree.get_ref().get("extends")?;
@@ -334,7 +336,7 @@ fn read(path: &Path) -> Result<String, String> {
     })
 }
 
-/// No key has more parts.
+/// The most parts of a key.
 const DEEPEST: usize = 8;
 
 /// The layers stronger than any file: environment variables, then `--set`.
@@ -418,13 +420,14 @@ fn leaves(table: &DeTable<'_>) -> Vec<String> {
     keys
 }
 
-/// `key = value` as a line of TOML. What is not valid as a value there is a string: so values are
-/// read alike in a file, an argument and a variable.
+/// `key = value` as a line of TOML.
+/// A value that is not valid TOML becomes a string, so that values are read alike in a file, an
+/// argument and a variable.
 fn assigned(key: &str, value: &str) -> String {
     format!("{key} = {}", as_value(value))
 }
 
-/// `text` as TOML wants a value: as it is, or as a string.
+/// `text` as a TOML value: unchanged if it is one, else as a string.
 fn as_value(text: &str) -> String {
     let text = text.trim();
     if DeValue::parse(text).is_ok() {
@@ -434,8 +437,7 @@ fn as_value(text: &str) -> String {
     }
 }
 
-/// The pieces of `text` between its commas, but for those within brackets, braces and quotation
-/// marks.
+/// The pieces of `text` between commas, ignoring those within brackets, braces and quotation marks.
 pub(super) fn pieces(text: &str) -> Vec<&str> {
     let (mut pieces, mut start, mut depth, mut quote) = (Vec::new(), 0, 0usize, None);
     for (at, c) in text.char_indices() {
@@ -455,7 +457,7 @@ pub(super) fn pieces(text: &str) -> Vec<&str> {
     pieces
 }
 
-/// What `text` means as a value: TOML's, or else a string.
+/// `text` as a value: TOML's, or else a string.
 pub(super) fn value(text: &str) -> toml::Value {
     let text = text.trim();
     let parsed = DeValue::parse(text)
@@ -512,8 +514,8 @@ pub(super) fn axis_lists(overrides: &Overrides) -> (Vec<AxisList>, Vec<SpecError
     (lists, errors)
 }
 
-/// `values` as a TOML list: as it stands between brackets, or else with every value that is not
-/// valid TOML as a string.
+/// `values` as a TOML list: unchanged between brackets if that is valid, else with every invalid
+/// value as a string.
 fn list(values: &str) -> String {
     let whole = format!("[{values}]");
     if DeValue::parse(&whole).is_ok() {
@@ -529,7 +531,7 @@ fn quoted(text: &str) -> String {
 }
 
 impl AxisList {
-    /// Its values.
+    /// The values of the list.
     pub(super) fn values(&self) -> Vec<toml::Value> {
         let (source, _) = self.layer.parse();
         let value = source

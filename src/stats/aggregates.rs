@@ -10,21 +10,22 @@ const OPTIMAL: f64 = 1.0;
 /// Aggregates of normalised scores, each with its stratified bootstrap interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Aggregates {
-    /// The mean of the middle half of all tasks' samples together; a quarter of them, rounded down,
-    /// is left out at either end.
+    /// The mean of the middle half of all tasks' samples together; at either end a quarter, rounded
+    /// down, is left out.
     pub iqm: Estimate,
     /// The median over tasks of their means.
     pub median: Estimate,
     /// The mean over tasks of their means.
     pub mean: Estimate,
-    /// By how much samples are short of 1, those above it by nothing: the mean over tasks of their
-    /// means.
+    /// By how much samples fall short of 1, where higher samples count as 0: the mean over tasks of
+    /// their means.
     pub optimality_gap: Estimate,
 }
 
 impl Aggregates {
-    /// Those of `tasks`, one a task, each with any number of samples; the samples should be
-    /// normalised, so that tasks compare. `None` without tasks, or if one has no samples.
+    /// The aggregates of `tasks`, one entry a task with any number of samples.
+    /// The samples should be normalised, so that tasks compare.
+    /// `None` without tasks, or if one has no samples.
     pub fn of(tasks: &[&[f64]], bootstrap: &Bootstrap, rng: &mut Rng) -> Option<Self> {
         let of_resample = |tasks: &[Vec<f64>]| {
             let means: Vec<f64> = tasks
@@ -57,14 +58,14 @@ fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
     values.sum::<f64>() / count
 }
 
-/// The middle of `values`, at least one; of an even number the mean of both in the middle.
+/// The middle of `values`, at least one; the mean of the two middle values if their number is even.
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     let (below, above) = (values[(values.len() - 1) / 2], values[values.len() / 2]);
     (below + above) / 2.0
 }
 
-/// The mean of what is left of `samples`, at least one, without the quarters at both ends.
+/// The mean of `samples`, at least one, without the quarters at both ends.
 fn interquartile_mean(mut samples: Vec<f64>) -> f64 {
     samples.sort_by(f64::total_cmp);
     let cut = samples.len() / 4;

@@ -30,17 +30,17 @@
 //! Z / sqrt(n), as e W / S in units of sigma, which makes F a generalised pivot (Weerahandi, 1993),
 //! exact where e is 0.
 //!
-//! What rests on the normal distribution: of samples of any distribution whatever, P lies above all
-//! n of ours with probability k / (k + n), so that without it "ours is worse" could not be said
-//! below 95 samples (k = 5, 5 %). A distribution whose rare samples are far above the others (a
-//! seed in ten succeeds) gives ours all low and P high that often, and is called worse.
+//! The normal distribution is needed: of samples of any distribution, P lies above all n of ours
+//! with probability k / (k + n), so without it "ours is worse" could not be said below 95 samples
+//! (k = 5, 5 %). A distribution whose rare samples are far above the others (a seed in ten
+//! succeeds) often gives only low samples to us and a high P, and ours is then called worse.
 
 use super::{mean_and_variance, normal};
 
-/// What somebody published of `k` samples: the greatest.
+/// A published result: the greatest of `k` samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PublishedBest {
-    /// Of how many.
+    /// The number of samples that it is the greatest of.
     pub k: i32,
     /// The greatest, P.
     pub value: f64,
@@ -49,10 +49,10 @@ pub struct PublishedBest {
     pub error: f64,
 }
 
-/// Normal samples, as far as they count here.
+/// The statistics of normal samples that count here.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Samples {
-    /// How many, at least two.
+    /// The number of samples, at least two.
     pub n: usize,
     /// Their mean.
     pub mean: f64,
@@ -61,7 +61,7 @@ pub struct Samples {
 }
 
 impl Samples {
-    /// Those of `values`; `None` for fewer than two.
+    /// The statistics of `values`; `None` for fewer than two.
     pub fn of(values: &[f64]) -> Option<Self> {
         let (mean, variance) = mean_and_variance(values)?;
         Some(Self {
@@ -74,7 +74,7 @@ impl Samples {
 
 impl PublishedBest {
     /// The confidence that ours, the expected best of k samples such as `ours`, exceeds theirs by
-    /// less than `limit`; it grows with the limit from 0 to 1.
+    /// less than `limit`. It rises with the limit from 0 to 1.
     pub fn confidence_below(&self, ours: Samples, limit: f64) -> f64 {
         let x = self.value + limit - ours.mean;
         if ours.deviation == 0.0 {
@@ -107,7 +107,7 @@ impl PublishedBest {
         normal::mean(|best| f64::from(self.k) * normal::cdf(best).powi(self.k - 1) * f(best))
     }
 
-    /// The two-sided interval of D at `confidence`, as much outside on either side.
+    /// The two-sided interval of D at `confidence`, with equal probabilities outside on both sides.
     pub fn interval(&self, ours: Samples, confidence: f64) -> (f64, f64) {
         super::check_confidence(confidence);
         let middle = ours.mean + self.mean_over_best(|best| best) * ours.deviation - self.value;
@@ -124,11 +124,10 @@ impl PublishedBest {
     }
 }
 
-/// The mean of `f` over W, where (n - 1) W^2 is chi-squared with n - 1 degrees of freedom: the
-/// trapezoid rule over ln W, whose density is proportional to exp(v u - v exp(2 u) / 2) with v = n
-/// - 1.
+/// The mean of `f` over W, where (n - 1) W^2 is chi-squared with v = n - 1 degrees of freedom: the
+/// trapezoid rule over u = ln W, whose density is proportional to exp(v u - v exp(2 u) / 2).
 fn mean_over_deviations(n: usize, f: impl Fn(f64) -> f64) -> f64 {
-    /// What is left out on either side weighs less than exp(-FAR) of the middle.
+    /// The greatest weight that is left out on either side is exp(-FAR) of the middle's.
     const FAR: f64 = 20.0;
     let freedom = n as f64 - 1.0;
     let step = 0.5 / (2.0 * freedom).sqrt();
@@ -146,8 +145,8 @@ fn mean_over_deviations(n: usize, f: impl Fn(f64) -> f64) -> f64 {
     sum / all
 }
 
-/// Where the growing `f` is 0, to a millionth of `scale`; the search starts at `middle`, which is
-/// the answer where the scale is 0.
+/// Finds where the rising `f` is 0, to a millionth of `scale`. The search starts at `middle`, which
+/// is the answer if the scale is 0.
 fn solve(f: impl Fn(f64) -> f64, middle: f64, scale: f64) -> f64 {
     if scale == 0.0 {
         return middle;
@@ -190,8 +189,8 @@ pub fn expected_best(values: &[f64], k: usize) -> Option<f64> {
     }
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
-    // The i-th of n is the greatest of k with probability C(i - 1, k - 1) / C(n, k); from the last
-    // one down.
+    // The i-th of n is the greatest of k with probability C(i - 1, k - 1) / C(n, k); this counts
+    // from the last one down.
     let mut share = k as f64 / n as f64;
     let mut sum = 0.0;
     for rank in (k..=n).rev() {

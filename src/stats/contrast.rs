@@ -31,7 +31,7 @@ impl Contrast {
             ));
         }
         let all: f64 = variances.iter().map(|(own, _)| own).sum();
-        // Shares, since the squares of small variances are 0.
+        // Shares of the sum, since the squares of small variances would be 0.
         let shares: f64 = variances
             .iter()
             .map(|(own, freedom)| (own / all).powi(2) / freedom)
@@ -43,7 +43,7 @@ impl Contrast {
         })
     }
 
-    /// The confidence that the sum of the true means is below `limit`: one less the p value of the
+    /// The confidence that the sum of the true means is below `limit`: one minus the p value of the
     /// one-sided test that it is not.
     pub fn confidence_below(&self, limit: f64) -> f64 {
         let distance = limit - self.estimate;
@@ -72,7 +72,7 @@ impl Contrast {
         }
     }
 
-    /// The distribution of the estimate's distance in units of its error; `None` where that is 0.
+    /// The distribution of the estimate's distance in units of its error; `None` if the error is 0.
     fn student(&self) -> Option<StudentsT> {
         (self.error > 0.0)
             .then(|| StudentsT::new(0.0, 1.0, self.freedom).ok())

@@ -3,9 +3,9 @@
 //! Owns intervals and the summaries that reports of reinforcement learning have come to use
 //! (Agarwal et al., 2021). Knows no environment or algorithm: samples come as numbers, one a seed,
 //! grouped in strata, one a task; episodes of one seed are not samples. Start at [`t_interval`],
-//! which holds for few seeds; the bootstrap's intervals do not ([`bootstrap`]).
-//! [`Aggregates`] sums up many tasks, [`Contrast`] compares means, [`best_of`] what is known by its best sample alone, and
-//! [`holm`] allows for many comparisons.
+//! which holds for few seeds; the bootstrap's intervals do not ([`bootstrap`]). [`Aggregates`] sums
+//! up many tasks, [`Contrast`] compares means, [`best_of`] compares with a published best sample,
+//! and [`holm`] allows for many comparisons.
 
 mod aggregates;
 pub mod best_of;

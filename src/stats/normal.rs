@@ -4,9 +4,10 @@ use std::f64::consts::{SQRT_2, TAU};
 
 use statrs::function::erf::erfc;
 
-/// Half-width and step of the trapezoid rule: what lies beyond is below 1e-9, and so is the error
-/// of the sum for integrands that are as smooth as the fifth power of [`cdf`], since it falls as
-/// exp(-2 pi^2 / step^2 / 6).
+/// Half-width and step of the trapezoid rule.
+/// The weight beyond is below 1e-9.
+/// So is the error of the sum for integrands as smooth as the fifth power of [`cdf`], since it
+/// falls as exp(-2 pi^2 / step^2 / 6).
 const REACH: f64 = 6.4;
 const STEP: f64 = 0.4;
 

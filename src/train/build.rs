@@ -39,7 +39,7 @@ pub fn agent(spec: &RunSpec, spaces: Spaces) -> Agent {
         &mut rng,
     );
     let widths = [&[spaces.observation_dim], hidden.as_slice(), &[1]].concat();
-    // A value network that starts at zero: while a sparse reward was never seen, advantages are
+    // The value network starts at zero: as long as a sparse reward was never seen, advantages are
     // exactly zero, and the policy stands still instead of following the noise of random values.
     let value = Mlp::new(&widths, 0.0, &mut rng);
     Agent {
@@ -49,8 +49,8 @@ pub fn agent(spec: &RunSpec, spaces: Spaces) -> Agent {
     }
 }
 
-/// The run's learner, before its first rollout. Its behaviour cloning, where it has some, is left
-/// to `clones`, which calls `alive` now and then.
+/// The run's learner, before its first rollout.
+/// Behaviour cloning, if the run has any, is left to `clones`, which calls `alive` now and then.
 ///
 /// # Errors
 ///
@@ -88,7 +88,7 @@ pub fn learner(
         .map_err(before_any)
 }
 
-/// The agent after `start`, trained here and now; `alive` is called after each epoch.
+/// The agent after `start`, trained in this process; `alive` is called after each epoch.
 ///
 /// # Errors
 ///

@@ -13,7 +13,7 @@ use crate::{
     rng::{Rng, Seed, Stream},
 };
 
-/// The index of the evaluation at the end of training, the same however many there were before it.
+/// The index of the evaluation at the end of training, however many came before it.
 pub const LAST: u32 = u16::MAX as u32;
 
 /// One evaluation of a run.
@@ -21,18 +21,20 @@ pub const LAST: u32 = u16::MAX as u32;
 pub struct Evaluation {
     /// The run's seed.
     pub seed: Seed,
-    /// Counted from 0 within the run; at its end [`LAST`].
+    /// Counted from 0 within the run; [`LAST`] at its end.
     pub index: u32,
-    /// Environment steps of training behind the policy.
+    /// The environment steps that the policy was trained for.
     pub env_steps: u64,
-    /// Episodes.
+    /// The number of episodes.
     pub count: u64,
-    /// Whether it is the one at the end of training.
+    /// Whether it is the evaluation at the end of training.
     pub last: bool,
 }
 
-/// The episodes of `evaluation`, whose initial states depend on its seed and index alone, so that
-/// all runs of a seed are evaluated on the same ones. `alive` is called after each step.
+/// The episodes of `evaluation`.
+/// Their initial states depend on its seed and index alone, so that all runs of a seed are
+/// evaluated on the same ones.
+/// `alive` is called after each step.
 ///
 /// # Errors
 ///
@@ -67,18 +69,19 @@ pub fn evaluation(
         .collect())
 }
 
-/// Who acts.
+/// The source of actions.
 pub enum Actor<'a> {
     /// The policy's mean action, with a frozen normaliser.
     MeanAction(&'a Agent),
-    /// Each number of the action uniform within the environment's bounds, from this generator's
-    /// numbers.
+    /// Uniform actions within the environment's bounds, drawn from this generator.
     Uniform(&'a mut Rng),
 }
 
-/// Plays one episode for each of `starts`, the generators of their initial states, as many together
-/// as there are `tasks`. The episodes come in the order of `starts`; those of a policy do not
-/// depend on how many tasks there are. `alive` is called after each step.
+/// Plays one episode for each of `starts`, the generators of initial states, as many at once as
+/// there are `tasks`.
+/// The episodes come in the order of `starts`; those of a policy do not depend on the number of
+/// tasks.
+/// `alive` is called after each step.
 ///
 /// # Errors
 ///
@@ -93,7 +96,7 @@ pub fn episodes(
     let mut results = vec![Episode::default(); starts.len()];
     let mut waiting = starts.into_iter().enumerate();
     let mut observations = vec![vec![0.0; spaces.observation_dim]; tasks.len()];
-    // Which episode each task plays; the tasks without one are left out of the passes.
+    // The episode that each task plays; tasks without one are left out of the forward passes.
     let mut playing: Vec<Option<usize>> = Vec::new();
     for (task, observation) in tasks.iter_mut().zip(&mut observations) {
         playing.push(waiting.next().map(|(episode, mut start)| {

@@ -21,21 +21,21 @@ use crate::{
 /// The sink's answer to a row: whether training goes on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Flow {
-    /// Go on.
+    /// Training goes on.
     Continue,
-    /// Stop here, cleanly.
+    /// Training stops here, cleanly.
     Stop,
 }
 
-/// Gives the agent that a pre-training leads to: by that training, or from where such agents are
-/// kept under the training's
-/// [key](Pretraining::key). Calls what it is given beside it now and then, as a sign of life.
+/// Returns the agent that a pre-training leads to, by training it or from where such agents are
+/// kept under the training's [key](Pretraining::key).
+/// Calls its second argument now and then, as a sign of life.
 pub type Clones<'a> =
     dyn FnMut(&Pretraining<'_>, &mut dyn FnMut()) -> Result<Agent, TrainError> + 'a;
 
-/// Where training tells what happens.
+/// The receiver of everything that happens in training.
 pub trait RunSink {
-    /// An iteration ended. `checkpoint` gives the whole state when the sink wants to keep it.
+    /// An iteration ended. `checkpoint` gives the whole state, if the sink wants to keep it.
     ///
     /// # Errors
     ///
@@ -61,8 +61,8 @@ pub trait RunSink {
     /// As for [`iteration`](Self::iteration).
     fn policy(&mut self, env_steps: u64, last: bool, agent: &Agent) -> Result<(), SinkError>;
 
-    /// A part of something long was done that is none of the above: called often, for those who
-    /// look out for a standstill.
+    /// Some work was done that is none of the above: called often, so that a watcher notices a
+    /// standstill.
     fn alive(&mut self) {}
 }
 
@@ -71,13 +71,13 @@ pub trait RunSink {
 #[error("{0}")]
 pub struct SinkError(pub String);
 
-/// An error that ends a run before its time.
+/// An error that ends a run early.
 #[derive(Debug, thiserror::Error)]
 pub enum TrainError {
-    /// The environment.
+    /// The environment failed.
     #[error(transparent)]
     Env(#[from] EnvError),
-    /// The demonstration.
+    /// The demonstration cannot be used.
     #[error(transparent)]
     Demo(#[from] DemoError),
     /// An algorithm that needs a demonstration was given none.
@@ -85,7 +85,7 @@ pub enum TrainError {
         "this algorithm needs a demonstration; name its file with `environments.<env>.demonstrations`"
     )]
     NoDemonstration,
-    /// The update.
+    /// The update failed.
     #[error("iteration {iteration}: {source}")]
     Algo {
         /// The iteration, counted from 1.
@@ -93,7 +93,7 @@ pub enum TrainError {
         /// The algorithm's error.
         source: AlgoError,
     },
-    /// The sink.
+    /// The sink failed.
     #[error(transparent)]
     Sink(#[from] SinkError),
     /// A checkpoint that does not fit.
@@ -104,13 +104,13 @@ pub enum TrainError {
 /// How a run ended without error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ending {
-    /// It used its budget.
+    /// The run used its budget.
     Finished,
-    /// The sink asked it to stop.
+    /// The sink asked the run to stop.
     Stopped,
 }
 
-/// Trains `spec` from its start, or from `checkpoint`, and tells `sink` what happens.
+/// Trains `spec` from its start, or from `checkpoint`, and tells `sink` everything that happens.
 ///
 /// # Errors
 ///
@@ -123,7 +123,7 @@ pub fn run(
     run_with(spec, &mut build::cloned, checkpoint, sink)
 }
 
-/// The same, where cloned agents come from `clones`.
+/// As [`run`], with cloned agents from `clones`.
 ///
 /// # Errors
 ///
@@ -137,7 +137,7 @@ pub fn run_with(
     match build::learner(spec, clones, &mut || sink.alive())? {
         Learner::OnPolicy(algorithm) => on_policy::run(spec, algorithm, checkpoint, sink),
         Learner::Offline(agent, learned) => {
-            // A run that was stopped here has this row already.
+            // A resumed run has this row already.
             if checkpoint.is_none()
                 && sink.iteration(&Iteration::before_any(*learned), &Vec::new)? == Flow::Stop
             {

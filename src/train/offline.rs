@@ -1,4 +1,4 @@
-//! Runs that take no step of training: behaviour cloning alone, and uniform actions.
+//! Runs that take no training steps: behaviour cloning alone, and uniform actions.
 
 use super::{
     Ending, RunSink, TrainError, build,
@@ -6,10 +6,12 @@ use super::{
 };
 use crate::{algo::Agent, plan::RunSpec, rng::Stream};
 
-/// Evaluates what `spec` ends with, `agent` or else uniform actions. It is over in seconds, so
-/// there is no checkpoint.
+/// Evaluates the outcome of `spec`: `agent`, or uniform actions without one.
+/// That takes seconds, so there is no checkpoint.
 ///
 /// # Errors
+///
+/// The environment cannot be built, the physics failed, or the sink failed.
 ///
 /// The environment cannot be built, the physics failed, or the sink failed.
 pub fn run(

@@ -25,15 +25,15 @@ struct Training<'a> {
     progress: Progress,
 }
 
-/// Where a run is, beside its agent and environments.
+/// A run's progress, beside its agent and environments.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 struct Progress {
     iteration: u64,
     env_steps: u64,
-    /// How many there were under way.
+    /// The number of evaluations so far, during training.
     evaluations: u32,
-    /// Whether the policy is evaluated before training goes on; it does not where the budget ends
-    /// here.
+    /// Whether the policy is evaluated before training goes on; if the budget ends here, it does
+    /// not go on.
     evaluation_due: bool,
     updates: Rng,
 }
@@ -45,8 +45,9 @@ struct Saved {
     rollout: RolloutState,
 }
 
-/// Trains `algorithm` on `spec` from its start or from `checkpoint`, which may be the last of a run
-/// with a smaller budget: no step before the budget's end depends on it.
+/// Trains `algorithm` on `spec` from its start or from `checkpoint`.
+/// The checkpoint may be the last of a run with a smaller budget: no step before the budget's end
+/// depends on the budget.
 ///
 /// # Errors
 ///
@@ -93,7 +94,7 @@ impl<'a> Training<'a> {
         })
     }
 
-    /// The evaluation that is due, one rollout and one update.
+    /// Runs the evaluation that is due, one rollout and one update.
     fn iterate(&mut self, sink: &mut dyn RunSink) -> Result<Flow, TrainError> {
         if mem::take(&mut self.progress.evaluation_due) {
             self.evaluate(sink, false)?;
@@ -120,6 +121,7 @@ impl<'a> Training<'a> {
         let update_seconds = began.elapsed().as_secs_f64();
 
         let after = self.progress.env_steps;
+        // A rollout may pass several multiples of the interval; that counts once.
         let due = |every: u64| before / every < after / every;
         self.progress.evaluation_due = due(spec.evaluation.every.get());
         if spec

@@ -21,23 +21,23 @@ use crate::{
 
 /// The environments of a run, each somewhere in an episode.
 pub struct Rollout {
-    /// In their order, a group for each thread that steps them.
+    /// The environments in their order, one group for each thread that steps them.
     groups: Vec<Vec<Lane>>,
     pass: Pass,
 }
 
-/// One environment with what belongs to it.
+/// One environment with its data.
 struct Lane {
     task: Task,
     own: Own,
     action: Vec<f64>,
     /// The transition of its last step.
     stepped: Option<Result<Transition, EnvError>>,
-    /// The observation after that step, where it ended an episode.
+    /// The observation after that step, if it ended an episode.
     last_observation: Vec<f64>,
 }
 
-/// The state of one environment beside its physics.
+/// The saved state of one environment beside its physics.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 struct Own {
     resets: Rng,
@@ -47,7 +47,7 @@ struct Own {
 }
 
 impl Lane {
-    /// Takes a step under `action`, and starts the next episode where one ended.
+    /// Takes a step under `action`, and starts the next episode if one ended.
     fn step(&mut self) {
         let Self {
             task,
@@ -81,11 +81,11 @@ pub struct Episode {
 
 /// The experience of one rollout.
 pub struct Collected {
-    /// For the update.
+    /// The samples for the update.
     pub batch: Batch,
     /// The episodes that ended, environment by environment.
     pub episodes: Vec<Episode>,
-    /// Time spent in the environments.
+    /// The time spent in the environments.
     pub physics: Duration,
 }
 
@@ -115,7 +115,7 @@ impl Rollout {
         };
         let threads = threads::count().min(tasks.len());
         let mut lanes = (0u32..).zip(tasks).map(lane).collect::<Vec<_>>();
-        // The first group is this thread's.
+        // This thread steps the first group itself.
         let groups = (1..=threads)
             .rev()
             .map(|left| lanes.split_off(lanes.len() - lanes.len() / left));
@@ -139,8 +139,8 @@ impl Rollout {
         };
         let pass = &mut self.pass;
         thread::scope(|scope| {
-            // A group goes to its thread to be stepped, and comes back: nobody waits for a lock,
-            // and no lane is shared.
+            // Each group is sent to its thread to be stepped, and comes back: nobody waits for a
+            // lock, and no lane is shared.
             let workers: Vec<_> = others
                 .iter()
                 .map(|_| {
@@ -175,7 +175,8 @@ impl Rollout {
     }
 
     /// Takes the steps of `batch` again, from the state in which its rollout began, with the
-    /// physics alone: what `mcpo-run bench` holds a rollout against. Episodes begin as they did.
+    /// physics alone; `mcpo-run bench` compares a rollout with this.
+    /// Episodes begin as they did then.
     ///
     /// # Errors
     ///
@@ -201,7 +202,7 @@ impl Rollout {
         Ok(())
     }
 
-    /// Everything the next rollout depends on, the agent apart.
+    /// Everything that the next rollout depends on, except for the agent.
     pub fn save(&self) -> RolloutState {
         let lanes = || self.groups.iter().flatten();
         RolloutState {
@@ -210,7 +211,7 @@ impl Rollout {
         }
     }
 
-    /// Puts back what [`save`](Rollout::save) gave.
+    /// Restores a state of [`save`](Rollout::save).
     ///
     /// # Errors
     ///
@@ -225,7 +226,7 @@ impl Rollout {
     }
 }
 
-/// [`Rollout::collect`], where `step` steps all lanes, those of `own` and those of the `others`.
+/// As [`Rollout::collect`], where `step` steps all lanes, those of `own` and of `others`.
 fn collect(
     agent: &mut Agent,
     own: &mut Vec<Lane>,
@@ -242,8 +243,8 @@ fn collect(
     let mut physics = Duration::ZERO;
 
     for t in 0..steps {
-        // All lanes' observations enter the normaliser before it is used for any of them: none is
-        // seen in other units.
+        // All lanes' observations enter the normaliser before it is used for any of them, so that
+        // all are normalised in the same units.
         for lane in own.iter().chain(others.iter().flatten()) {
             agent.normalizer.update(&lane.own.observation);
         }
@@ -280,17 +281,17 @@ fn collect(
     Ok(filling.collected(physics))
 }
 
-/// A batch that is being filled, by the step of a lane at a time.
+/// A batch that is filled by the steps of its lanes.
 struct Filling {
-    /// Of each lane.
+    /// The steps of each lane.
     steps: usize,
-    /// Its segments are those of the lanes, below.
+    /// The batch; its segments come from the lanes' below.
     batch: Batch,
-    /// Lane by lane.
+    /// The ended segments of each lane.
     segments: Vec<Vec<Segment>>,
-    /// The first sample of each lane's segment under way.
+    /// The first sample of each lane's current segment.
     starts: Vec<usize>,
-    /// The episodes that ended, lane by lane.
+    /// The ended episodes of each lane.
     episodes: Vec<Vec<Episode>>,
 }
 
@@ -322,8 +323,9 @@ impl Filling {
         }
     }
 
-    /// Draws the action of the lane number `index` in its step `t`. The lanes' inputs are the
-    /// columns of `inputs`, the policy's means for them those of the output in `pass`.
+    /// Draws the action of lane `index` in its step `t`.
+    /// The lanes' inputs are the columns of `inputs`; the policy's means for them are the columns
+    /// of the output in `pass`.
     fn act(
         &mut self,
         index: usize,
@@ -357,7 +359,7 @@ impl Filling {
         }
     }
 
-    /// Takes down the transition of that step.
+    /// Records the transition of that step.
     fn take(
         &mut self,
         index: usize,
@@ -387,7 +389,7 @@ impl Filling {
         Ok(())
     }
 
-    /// Ends the segment of the lane number `index` where its rollout ends, if one is under way.
+    /// Ends the current segment of lane `index`, if there is one, where its rollout ends.
     fn cut(&mut self, index: usize, lane: &Lane, agent: &Agent) {
         let range = self.starts[index]..(index + 1) * self.steps;
         if !range.is_empty() {

@@ -1,6 +1,6 @@
 //! The moves of MCPO's policy in one iteration: along a step, or down D.
 //!
-//! Owns how far each goes. Which it is, the dual decides, and [`Mcpo::update`](super::Mcpo) after
+//! Owns how far each goes. The dual decides which it is, and [`Mcpo::update`](super::Mcpo) follows
 //! it.
 
 use nalgebra::DMatrix;
@@ -34,7 +34,7 @@ pub(super) struct Outcome {
     pub recovery_steps: Option<u64>,
 }
 
-/// The start of one iteration, and the measures of its moves.
+/// The start of one iteration, and the means to measure its moves.
 pub(super) struct Iteration<'a> {
     pub hyperparameters: &'a Hyperparameters,
     /// The policy at its start.
@@ -43,9 +43,9 @@ pub(super) struct Iteration<'a> {
     pub observations: &'a DMatrix<f32>,
     pub surrogate: &'a Surrogate<'a>,
     pub measured: &'a Measured,
-    /// Along which D is lowered soonest, where the dual has asked for it.
+    /// The direction that lowers D soonest, if the dual asked for it.
     pub way_back: Option<&'a WayBack>,
-    /// d_k.
+    /// The tolerance d_k.
     pub tolerance: f64,
     pub mimicry: &'a mut Mimicry,
     pub fisher_pass: &'a mut Pass,
@@ -53,7 +53,7 @@ pub(super) struct Iteration<'a> {
 }
 
 impl Iteration<'_> {
-    /// Nothing to gain and nothing to mend: the policy stays.
+    /// Leaves the policy as it is: there is nothing to gain and nothing to mend.
     pub fn stay(&self) -> Outcome {
         Outcome {
             mmd_after: self.measured.mmd,
@@ -69,9 +69,10 @@ impl Iteration<'_> {
         })
     }
 
-    /// Moves `agent`'s policy along `step` to where the constraint holds, whatever becomes of the
-    /// surrogate. Where the step falls short of it, and D is known well enough to see that,
-    /// recovery follows up to the tolerance.
+    /// Moves `agent`'s policy along `step` to where the constraint holds, whatever happens to the
+    /// surrogate.
+    /// If the step falls short, and D is known well enough to see that, recovery follows up to the
+    /// tolerance.
     ///
     /// # Errors
     ///
@@ -88,9 +89,11 @@ impl Iteration<'_> {
         Ok(outcome)
     }
 
-    /// Eq. (13). At the demonstration's states D is known everywhere, and Adam descends on it until
-    /// it is within `depth` times the tolerance, whatever the KL. From a rollout it is known nearby
-    /// alone, and one step of the trust region goes down its gradient.
+    /// Recovers by Eq. (13).
+    /// At the demonstration's states D is known everywhere, and Adam descends on it until it is
+    /// within `depth` times the tolerance, whatever the KL.
+    /// From a rollout it is only known nearby, and one step of the trust region goes down its
+    /// gradient.
     ///
     /// # Errors
     ///
@@ -126,15 +129,16 @@ impl Iteration<'_> {
         })
     }
 
-    /// Whether D is known at every policy rather than to first order around the iteration's: there
-    /// is then a curvature to correct, and a truth to hold a step against.
+    /// Whether D is known at every policy rather than to first order around the iteration's: only
+    /// then can its curvature be corrected, and a step be checked against it.
     fn knows_d(&self) -> bool {
         self.hyperparameters.mmd.samples == Samples::DemoStates
     }
 
-    /// Moves `policy` along `step` as far as the real KL, D and surrogate allow: the KL stays
-    /// within the region, D within the tolerance or, where it was beyond, below what it was, and
-    /// the surrogate's gain reaches what is `enough` for the fraction.
+    /// Moves `policy` along `step` as far as the real KL, D and surrogate allow.
+    /// The KL must stay within the region.
+    /// D must stay within the tolerance or, if it was beyond, below its old value.
+    /// The surrogate's gain must reach `enough` for the fraction.
     fn search(
         &mut self,
         policy: &mut GaussianPolicy,
@@ -163,7 +167,7 @@ impl Iteration<'_> {
             } else {
                 0
             },
-            // Where the dual did not need H^-1 b, a trial that is corrected does.
+            // If the dual did not need H^-1 b, a corrected trial still does.
             way_back: &mut || {
                 known_way.cloned().unwrap_or_else(|| {
                     region.way_back(start, observations, fisher_pass, &measured.gradient)
@@ -175,8 +179,8 @@ impl Iteration<'_> {
                          fraction,
                          correctable,
                      }: Attempt<'_>| {
-            // First what takes a pass over the demonstration alone: a trial that is corrected is
-            // not judged.
+            // First the measure that only takes a pass over the demonstration: a trial that is
+            // corrected is not judged.
             if correctable {
                 let mmd = mimicry.at(measured, policy, &[]);
                 if mmd > met {
@@ -210,7 +214,7 @@ impl Iteration<'_> {
     }
 }
 
-/// Any gain of the surrogate is enough, and so is any loss.
+/// Accepts any gain or loss of the surrogate.
 fn whatever(_: f64) -> f64 {
     f64::NEG_INFINITY
 }

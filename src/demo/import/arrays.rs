@@ -1,5 +1,5 @@
-//! Arrays by name, as `.npz` files and Parquet tables of others hold them, put together to a
-//! demonstration.
+//! Assembles a demonstration from named arrays, as `.npz` files and other programs' Parquet tables
+//! hold them.
 
 use std::collections::BTreeSet;
 
@@ -15,12 +15,12 @@ use crate::{
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Array {
     rows: usize,
-    /// Row after row.
+    /// The numbers, row after row.
     numbers: Vec<f64>,
 }
 
 impl Array {
-    /// `numbers` in `rows`; in none where there is no number, however many rows a file claims.
+    /// `numbers` in `rows`; without numbers the array has no rows, however many a file claims.
     pub(super) fn new(rows: usize, numbers: Vec<f64>) -> Self {
         Self {
             rows: if numbers.is_empty() { 0 } else { rows },
@@ -28,17 +28,17 @@ impl Array {
         }
     }
 
-    /// How many rows there are.
+    /// The number of rows.
     pub(super) fn rows(&self) -> usize {
         self.rows
     }
 
-    /// Row after row.
+    /// The numbers, row after row.
     pub(super) fn numbers(&self) -> &[f64] {
         &self.numbers
     }
 
-    /// One column a row.
+    /// The array with each row as a column.
     fn into_columns(self) -> DMatrix<f64> {
         DMatrix::from_vec(
             self.numbers.len().checked_div(self.rows).unwrap_or(0),
@@ -48,7 +48,8 @@ impl Array {
     }
 }
 
-/// The names that others give to what a step holds; [`Episodes`] knows those that mark episodes.
+/// The names that other programs use for a step's quantities; [`Episodes`] knows those that mark
+/// episodes.
 const OBSERVATIONS: &[&str] = &["observation", "observations", "obs", "observation.state"];
 const ACTIONS: &[&str] = &["action", "actions", "acts"];
 const REWARDS: &[&str] = &["reward", "rewards", "rews", "next.reward"];
@@ -58,14 +59,14 @@ const QVEL: &[&str] = &["qvel", "infos/qvel"];
 /// The most steps of a demonstration.
 const MAX_STEPS: usize = 1 << 21;
 
-/// Gives the array of a name, where there is one.
+/// Looks up an array by its name; `None` where there is none.
 type Named<'a> = dyn Fn(&str) -> Result<Option<Array>, String> + 'a;
 
-/// A file's arrays, and which of them were asked for.
+/// A file's arrays, with a record of which were asked for.
 pub(super) struct Arrays<'a> {
     named: &'a Named<'a>,
     used: BTreeSet<&'static str>,
-    /// How many numbers were read.
+    /// The count of numbers that were read.
     read: usize,
 }
 
@@ -102,7 +103,7 @@ impl<'a> Arrays<'a> {
             .ok_or_else(|| format!("it has none of {}", names.join(", ")))
     }
 
-    /// The same for an array that has a number for each of `n` steps.
+    /// As [`first`](Self::first), for an array that has a number for each of `n` steps.
     pub(super) fn of_each_step(
         &mut self,
         names: &[&'static str],
@@ -117,7 +118,7 @@ impl<'a> Arrays<'a> {
         }
     }
 
-    /// Those of `names` that were not asked for.
+    /// The `names` that were never asked for.
     fn unused<'n>(&self, names: impl IntoIterator<Item = &'n str>) -> Vec<&'n str> {
         // A column `obs_3` belongs to `obs`.
         let stem = |name: &'n str| {
@@ -132,7 +133,7 @@ impl<'a> Arrays<'a> {
     }
 }
 
-/// The demonstration of `env` in the arrays called `names`, which `named` finds.
+/// The demonstration of `env` from the arrays called `names`, which `named` looks up.
 ///
 /// # Errors
 ///
@@ -154,7 +155,8 @@ pub(super) fn assemble<'n>(
     }
     let mut episodes = Episodes::of(&mut arrays, n, env.max_steps())?;
     let mut after_last = false;
-    // One row a step; a row more after each episode has no place in the format.
+    // An array has one row a step; if it has one more after each episode, that row has no place in
+    // the format.
     let mut of_steps = |what: &str, array: Array| {
         let (rows, count) = (array.rows, episodes.count());
         let mut columns = array.into_columns();
@@ -209,6 +211,7 @@ pub(super) fn assemble<'n>(
     if rewards.is_none() {
         losses.push("rewards are not recorded".into());
     }
+    // In RLDS an episode's last row is no step: it holds the observation after the last one.
     if episodes.last_rows_are_marked
         && last_rows_are_no_steps(&episodes, &actions, rewards.as_deref())
     {
@@ -277,8 +280,8 @@ pub(super) fn assemble<'n>(
     })
 }
 
-/// Whether the last row of each episode is the observation after its last step, as RLDS has it: its
-/// action and reward mean nothing and are 0, unlike others.
+/// Whether the last row of each episode is the observation after its last step, as in RLDS: the
+/// action and reward of these rows mean nothing and are 0, and those of other rows are not.
 fn last_rows_are_no_steps(
     episodes: &Episodes,
     actions: &DMatrix<f64>,
@@ -295,8 +298,8 @@ fn last_rows_are_no_steps(
     long && last.iter().all(|&row| is_zero(row)) && actions.iter().any(|&action| action != 0.0)
 }
 
-/// The numbers that `bytes` are when numpy calls their type `name` (`f8`, `b1` ...) and their bytes
-/// come lowest first or last; absent for types that hold no numbers and where bytes are left over.
+/// The numbers in `bytes`, whose numpy type is `name` (`f8`, `b1` ...), lowest byte first if
+/// `little`; absent for types that hold no numbers, and if bytes are left over.
 pub(super) fn decode(name: &str, little: bool, bytes: &[u8]) -> Option<Vec<f64>> {
     fn words<const N: usize>(
         bytes: &[u8],

@@ -1,15 +1,14 @@
 //! Where the episodes of another program's file begin and end, from everything that the file says
-//! of it.
+//! about them.
 //!
-//! Each array that marks episodes is an account of them. Accounts that contradict each other, or
-//! what the arrays hold, are refused: episodes that are joined in silence have a return that is a
-//! sum.
+//! Each array that marks episodes is an account of them. Accounts that contradict each other or the
+//! arrays are refused: if episodes were joined silently, their returns would be added up.
 
 use std::collections::HashSet;
 
 use super::arrays::Arrays;
 
-/// The names of arrays that mark episodes. The number of the episode, at each step.
+/// Names of arrays that number the episodes: the number of the episode at each step.
 const NUMBERS: &[&str] = &[
     "episode",
     "episodes",
@@ -17,16 +16,16 @@ const NUMBERS: &[&str] = &[
     "episode_ids",
     "episode_index",
 ];
-/// The place in the episode, at each step.
+/// Names of arrays that count the steps of an episode: the place in the episode at each step.
 const STEPS: &[&str] = &["step", "steps", "step_id", "frame_index", "timestep"];
-/// Whether an episode begins with the step (`episode_starts` is Stable Baselines', `is_first`
-/// RLDS's).
+/// Names of arrays that flag an episode's first step (`episode_starts` is Stable Baselines',
+/// `is_first` RLDS's).
 const FIRST: &[&str] = &["episode_starts", "episode_start", "is_first"];
-/// Whether it is the episode's last row.
+/// Names of arrays that flag an episode's last row.
 const LAST: &[&str] = &["is_last"];
-/// Where `imitation` splits its arrays into trajectories.
+/// The array of places where `imitation` splits its arrays into trajectories.
 const SPLITS: &[&str] = &["indices"];
-/// Whether the task ended the episode.
+/// Names of arrays that flag steps at which the task ended the episode.
 const TERMINATED: &[&str] = &[
     "terminated",
     "terminals",
@@ -34,22 +33,22 @@ const TERMINATED: &[&str] = &[
     "terminations",
     "is_terminal",
 ];
-/// Whether a limit cut it.
+/// Names of arrays that flag steps at which a limit cut the episode.
 const TRUNCATED: &[&str] = &["truncated", "timeouts", "truncations"];
-/// Whether it ended, of itself or by the limit.
+/// Names of arrays that flag the end of an episode, by the task or by a limit.
 const DONE: &[&str] = &["dones", "done", "next.done"];
-/// Each episode's return, which `record_expert` of Stable Baselines writes.
+/// The array of the episodes' returns, which `record_expert` of Stable Baselines writes.
 const RETURNS: &[&str] = &["episode_returns"];
 
 /// The episodes of a file.
 pub(super) struct Episodes {
-    /// The first row of each.
+    /// The first row of each episode.
     pub(super) starts: Vec<usize>,
-    /// `[n]`
+    /// Whether the task ended the episode at this step `[n]`.
     pub(super) terminated: Vec<bool>,
-    /// `[n]`
+    /// Whether a limit cut the episode at this step `[n]`.
     pub(super) truncated: Vec<bool>,
-    /// Whether the file says which of both ended each.
+    /// Whether the file says for each episode which of the two ended it.
     pub(super) ends_are_told: bool,
     /// Whether the file says where episodes begin or end.
     pub(super) are_told: bool,
@@ -58,12 +57,12 @@ pub(super) struct Episodes {
 }
 
 impl Episodes {
-    /// What `arrays`, of `n` steps, tell of episodes; one of at least `limit` steps was cut, where
-    /// only its end is told.
+    /// Reads the episodes from `arrays` of `n` steps.
+    /// If only an episode's end is told, one of at least `limit` steps counts as cut.
     ///
     /// # Errors
     ///
-    /// An array is no account of `n` steps, or two contradict each other.
+    /// An array cannot describe the episodes of `n` steps, or two contradict each other.
     pub(super) fn of(arrays: &mut Arrays<'_>, n: usize, limit: u64) -> Result<Self, String> {
         let mut accounts = Accounts {
             n,
@@ -91,6 +90,7 @@ impl Episodes {
         if let Some((name, last)) = &last {
             accounts.add(name, after_each(n, |row| last[row] != 0.0))?;
         }
+        // Accounts that differ were refused, so the first one stands for all.
         let told = accounts.found.first().map(|(_, starts)| starts.clone());
 
         let mut terminated = flags(arrays.first(TERMINATED)?);
@@ -99,7 +99,7 @@ impl Episodes {
             && flags.len() == starts.len()
             && starts.len() != n
         {
-            // `imitation` keeps one flag a trajectory.
+            // `imitation` keeps one flag for each trajectory.
             let (mut at_step, mut cut) = (vec![false; n], vec![false; n]);
             for (i, &flag) in flags.iter().enumerate() {
                 let last = starts.get(i + 1).copied().unwrap_or(n) - 1;
@@ -131,6 +131,7 @@ impl Episodes {
         if let Some((_, done)) = &done {
             episodes.finish(done, limit, terminated.is_some());
         }
+        // Another number of returns shows that episodes were joined or split.
         if let Some((name, returns)) = arrays.first(RETURNS)?
             && returns.rows() != episodes.starts.len()
         {
@@ -142,8 +143,8 @@ impl Episodes {
         Ok(episodes)
     }
 
-    /// Where a step is `done` and nothing says why: cut after `limit` steps, else terminated; only
-    /// cut where the file has marks for what terminated.
+    /// Classifies the steps that are `done` without a reason: cut after `limit` steps, else
+    /// terminated; always cut if the file marks terminations separately.
     fn finish(&mut self, done: &[bool], limit: u64, terminations_are_told: bool) {
         let mut start = 0;
         for (row, _) in done.iter().enumerate().filter(|(_, done)| **done) {
@@ -155,12 +156,12 @@ impl Episodes {
         }
     }
 
-    /// How many there are.
+    /// The number of episodes.
     pub(super) fn count(&self) -> usize {
         self.starts.len()
     }
 
-    /// The last row of each.
+    /// The last row of each episode.
     pub(super) fn last_rows(&self) -> Vec<usize> {
         let ends = self
             .starts
@@ -171,8 +172,8 @@ impl Episodes {
         ends.map(|end| end - 1).collect()
     }
 
-    /// Takes each episode's last row away, whose end becomes the row's before. Each must have two
-    /// rows or more.
+    /// Removes each episode's last row, and moves its end to the row before.
+    /// Each episode must have two rows or more.
     pub(super) fn drop_last_rows(&mut self) {
         let dropped = self.last_rows();
         for flags in [&mut self.terminated, &mut self.truncated] {
@@ -190,14 +191,14 @@ impl Episodes {
     }
 }
 
-/// What the arrays say of where episodes start.
+/// The accounts of where episodes start.
 struct Accounts {
     n: usize,
     found: Vec<(&'static str, Vec<usize>)>,
 }
 
 impl Accounts {
-    /// Adds one. Errors: it is another than the one before.
+    /// Adds an account. Errors: it contradicts an earlier one.
     fn add(&mut self, name: &'static str, starts: Vec<usize>) -> Result<(), String> {
         if let Some((other, before)) = self.found.first()
             && *before != starts
@@ -223,12 +224,12 @@ fn flags(found: Option<(&'static str, super::arrays::Array)>) -> Option<(&'stati
     found.map(|(name, array)| (name, array.numbers().iter().map(|&x| x != 0.0).collect()))
 }
 
-/// Row 0, and each row after one that `ends`.
+/// Row 0, and the row after each row for which `ends` holds.
 fn after_each(n: usize, ends: impl Fn(usize) -> bool) -> Vec<usize> {
     (0..n).filter(|&row| row == 0 || ends(row - 1)).collect()
 }
 
-/// `starts` as rows. Errors: they do not rise within `n`.
+/// `starts` as row numbers. Errors: they do not rise, or leave `n`.
 fn rising(name: &str, starts: impl Iterator<Item = f64>, n: usize) -> Result<Vec<usize>, String> {
     let disorderly = || format!("its `{name}` do not rise within its actions");
     let rows: Option<Vec<usize>> = starts
@@ -238,7 +239,7 @@ fn rising(name: &str, starts: impl Iterator<Item = f64>, n: usize) -> Result<Vec
         .ok_or_else(disorderly)
 }
 
-/// Where the number of the episode changes. Errors: one comes again.
+/// The rows where the number of the episode changes. Errors: a number comes again.
 fn changes(name: &str, numbers: &[f64]) -> Result<Vec<usize>, String> {
     let mut seen = HashSet::new();
     let mut starts = Vec::new();
@@ -256,7 +257,7 @@ fn changes(name: &str, numbers: &[f64]) -> Result<Vec<usize>, String> {
     Ok(starts)
 }
 
-/// Where the step within the episode is the first again. Errors: it does not rise by one.
+/// The rows where the step within the episode starts over. Errors: it does not rise by one.
 fn restarts(name: &str, steps: &[f64]) -> Result<Vec<usize>, String> {
     let mut starts = Vec::new();
     for (row, &step) in steps.iter().enumerate() {

@@ -1,7 +1,8 @@
-//! Demonstrations from elsewhere: the authors' pickles, Parquet with other names, `.npz` archives.
+//! Demonstrations from other programs: the authors' pickles, Parquet with other names, `.npz`
+//! archives.
 //!
-//! Owns what those files look like and what of a demonstration they do not hold. Runs nothing that
-//! a file says and believes none of its sizes. Start at [`import`].
+//! Owns the forms of those files and what they lack of a demonstration. Executes nothing that a
+//! file says, and trusts none of the sizes in it. Start at [`import`].
 
 mod arrays;
 mod episodes;
@@ -25,17 +26,17 @@ use crate::{env::EnvId, parquet::MAX_NUMBERS};
 /// The most bytes that a compressed file may unfold to.
 const MAX_UNFOLDED: usize = 1 << 27;
 
-/// How many names of a list that nobody bounded are told.
+/// The most names that a message lists from a file.
 const NAMES: usize = 10;
 
 /// A demonstration from elsewhere.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Imported {
-    /// What was read.
+    /// The demonstration that was read.
     pub demonstration: Demonstration,
-    /// What the file did not hold, or what could not be recovered, each in a sentence.
+    /// Quantities that the file lacked or that could not be recovered, each in a sentence.
     pub losses: Vec<String>,
-    /// What may make it another demonstration than was meant, each in a sentence.
+    /// Reasons why it may be another demonstration than was meant, each in a sentence.
     pub warnings: Vec<String>,
 }
 
@@ -82,6 +83,7 @@ pub fn import(path: &Path, env: EnvId) -> Result<Imported, DemoError> {
         path: path.to_owned(),
         source,
     };
+    // Scaled observations have the right lengths; only their motion gives them away.
     if motion::mover(demonstration, env).map_err(failed)? == Mover::Unknown {
         warnings.push(format!(
             "its observations do not move like those of {env}: they may be scaled, or from another robot"
@@ -90,6 +92,7 @@ pub fn import(path: &Path, env: EnvId) -> Result<Imported, DemoError> {
         warnings.extend(jump(&motion::jumps(demonstration, env).map_err(failed)?));
     }
     let provenance = &mut demonstration.provenance;
+    // The file may spell the environment's name in another way.
     provenance.retain(|(key, _)| key != "env");
     provenance.insert(0, ("env".into(), env.name().into()));
     let name = path
@@ -111,7 +114,7 @@ pub fn import(path: &Path, env: EnvId) -> Result<Imported, DemoError> {
     Ok(imported)
 }
 
-/// What to say of a file whose `label` is not quite that of `env`.
+/// The warning about a file whose `label` is not quite that of `env`.
 fn of_another_version(label: &str, env: EnvId) -> Option<String> {
     let Some((_, version)) = EnvId::of_label(label) else {
         return Some(format!(
@@ -126,7 +129,7 @@ fn of_another_version(label: &str, env: EnvId) -> Option<String> {
     ))
 }
 
-/// What to say of an episode that is longer than `env` allows.
+/// The message about an episode that is longer than `env` allows.
 fn too_long(demonstration: &Demonstration, env: EnvId) -> Option<String> {
     let (limit, mut lengths) = (
         env.max_steps(),
@@ -141,7 +144,7 @@ fn too_long(demonstration: &Demonstration, env: EnvId) -> Option<String> {
     ))
 }
 
-/// What to say of observations that jump after these steps.
+/// The warning about observations that jump after `steps`.
 fn jump(steps: &[usize]) -> Option<String> {
     let (first, places) = (steps.first()?, steps.len());
     let more = if places > 1 {
@@ -155,7 +158,7 @@ fn jump(steps: &[usize]) -> Option<String> {
     ))
 }
 
-/// What the bytes hold.
+/// The demonstration in the bytes of a file.
 fn from_bytes(file: Vec<u8>, env: EnvId) -> Result<Imported, String> {
     if file.starts_with(b"BZh") {
         let unfolded = unfold(bzip2::read::MultiBzDecoder::new(file.as_slice()))
@@ -172,7 +175,7 @@ fn from_bytes(file: Vec<u8>, env: EnvId) -> Result<Imported, String> {
     }
 }
 
-/// Everything that `reader` gives, if it is not too much.
+/// Everything that `reader` gives, unless that is too much.
 fn unfold(reader: impl Read) -> Result<Vec<u8>, String> {
     let mut bytes = Vec::new();
     reader
@@ -188,8 +191,8 @@ fn unfold(reader: impl Read) -> Result<Vec<u8>, String> {
     Ok(bytes)
 }
 
-/// Marks the ends that a source does not tell: an episode as long as `env` allows was cut, a
-/// shorter one terminated.
+/// Marks the ends that a source does not tell: an episode as long as `env` allows counts as cut, a
+/// shorter one as terminated.
 fn infer_ends(demonstration: &mut Demonstration, env: EnvId, losses: &mut Vec<String>) {
     let ends: Vec<_> = demonstration
         .episodes()

@@ -38,7 +38,7 @@ pub(super) fn read(file: &[u8], env: EnvId) -> Result<Imported, String> {
 struct Member {
     method: u16,
     compressed_size: usize,
-    /// Where its own header is.
+    /// The offset of its own header.
     offset: usize,
 }
 
@@ -54,7 +54,7 @@ fn u32_at(bytes: &[u8], at: usize) -> Option<usize> {
 fn directory(file: &[u8]) -> Result<Vec<(String, Member)>, String> {
     const END: &[u8] = b"PK\x05\x06";
     const ENTRY: &[u8] = b"PK\x01\x02";
-    // A comment of up to 64 KiB may follow the directory's end.
+    // A comment of up to 64 KiB may follow the directory.
     let tail = file.len().saturating_sub(22 + (1 << 16));
     let end = file[tail..]
         .windows(4)
@@ -99,7 +99,7 @@ fn directory(file: &[u8]) -> Result<Vec<(String, Member)>, String> {
     Ok(members)
 }
 
-/// The bytes of `member`.
+/// The bytes of `member`, decompressed.
 fn unfolded(file: &[u8], member: Member) -> Result<Vec<u8>, String> {
     let stored = || {
         let header = file
@@ -119,7 +119,7 @@ fn unfolded(file: &[u8], member: Member) -> Result<Vec<u8>, String> {
     .map_err(|reason| format!("cannot be unpacked: {reason}"))
 }
 
-/// The array that `bytes`, an `.npy` file, hold.
+/// The array in `bytes`, an `.npy` file.
 fn array(bytes: &[u8]) -> Result<Array, String> {
     let split = || {
         let (major, rest) = bytes.strip_prefix(b"\x93NUMPY")?.split_first()?;
@@ -133,7 +133,7 @@ fn array(bytes: &[u8]) -> Result<Array, String> {
         Some((std::str::from_utf8(header).ok()?, data))
     };
     let (header, data) = split().ok_or("is not an .npy array")?;
-    // {'descr': '<f8', 'fortran_order': False, 'shape': (3, 4), }
+    // The header is Python's: {'descr': '<f8', 'fortran_order': False, 'shape': (3, 4), }
     let after = |key: &str| {
         header
             .split_once(key)
@@ -154,6 +154,7 @@ fn array(bytes: &[u8]) -> Result<Array, String> {
     let shape: Vec<usize> = shape
         .map(|n| n.parse().map_err(|_| "has no shape"))
         .collect::<Result<_, _>>()?;
+    // A vector is the same in both orders.
     if fortran && shape.len() > 1 {
         return Err("is in Fortran order; only C order is read".into());
     }

@@ -10,9 +10,9 @@ use std::collections::HashMap;
 
 use super::{MAX_NUMBERS, MAX_UNFOLDED};
 
-/// The most instructions that are followed: some fifty a step for 80,000 steps. Each adds one
-/// object, one place on the stack or one entry of a collection at most, so this bounds them too: to
-/// some 400 MiB.
+/// The most instructions that are followed: some fifty a step for 80,000 steps.
+/// Each adds at most one object, one place on the stack or one entry of a collection. So their
+/// memory is bounded too, to some 400 MiB.
 const MAX_INSTRUCTIONS: usize = 1 << 22;
 
 /// An object's place.
@@ -33,7 +33,7 @@ pub(super) enum Global {
     Encode,
 }
 
-/// What a pickle holds.
+/// An object in a pickle.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Object<'a> {
     None,
@@ -69,7 +69,7 @@ pub(super) struct Array {
     pub(super) bytes: Id,
 }
 
-/// Everything that a pickle made.
+/// All objects that a pickle made.
 pub(super) struct Pickle<'a> {
     objects: Vec<Object<'a>>,
     root: Id,
@@ -112,7 +112,7 @@ impl<'a> Pickle<'a> {
         &self.objects[id]
     }
 
-    /// What `object`, a dictionary, has under the text `key`.
+    /// The value of `object`, a dictionary, under the text `key`.
     pub(super) fn entry(&self, object: &Object<'a>, key: &str) -> Option<&Object<'a>> {
         let Object::Dict(entries) = object else {
             return None;
@@ -141,7 +141,7 @@ impl<'a> Pickle<'a> {
                     };
                     size = size.checked_mul(usize::try_from(*length).ok()?)?;
                 }
-                // In Fortran's order only what has one order alone: vectors.
+                // The only order read is C's; a vector has the same in Fortran's.
                 let ordered = !array.fortran || shape.len() <= 1;
                 if size > MAX_NUMBERS || bytes.len() > 8 * size {
                     return None;
@@ -160,7 +160,7 @@ impl<'a> Pickle<'a> {
         }
     }
 
-    /// The number that `object` is.
+    /// `object` as a number; `None` if it is none.
     pub(super) fn number(&self, object: &Object<'a>) -> Option<f64> {
         match object {
             Object::Int(value) => Some(*value as f64),
@@ -179,7 +179,7 @@ impl<'a> Pickle<'a> {
         }
     }
 
-    /// The numbers of type `dtype` that `bytes` are.
+    /// The numbers in `bytes`, which are of type `dtype`.
     fn decode(&self, dtype: Id, bytes: &[u8]) -> Option<Vec<f64>> {
         let Object::Dtype { name, little } = *self.get(dtype) else {
             return None;
@@ -196,7 +196,7 @@ struct Machine<'a> {
     /// Heights of the stack at which collections begin.
     marks: Vec<usize>,
     memo: HashMap<u64, Id>,
-    /// Bytes that were made of texts, whose number the file's length does not bound.
+    /// The bytes that were made from texts: the file's length does not bound their number.
     encoded: usize,
 }
 
@@ -223,7 +223,7 @@ impl<'a> Machine<'a> {
             .fold(0, |value, &byte| value << 8 | u64::from(byte)))
     }
 
-    /// As many bytes as a number of `n` bytes before them says.
+    /// A run of bytes after its length, a number of `n` bytes.
     fn prefixed(&mut self, n: usize) -> Result<&'a [u8], String> {
         let length = usize::try_from(self.unsigned(n)?).map_err(|_| "the pickle ends too early")?;
         self.take(length)
@@ -264,7 +264,7 @@ impl<'a> Machine<'a> {
         Ok(ids)
     }
 
-    /// What was pushed since the last mark.
+    /// The objects pushed since the last mark.
     fn pop_marked(&mut self) -> Result<Vec<Id>, String> {
         let mark = self.marks.pop().ok_or("the pickle lacks a mark")?;
         Ok(self.stack.split_off(mark.min(self.stack.len())))
@@ -316,7 +316,7 @@ impl<'a> Machine<'a> {
         Ok(())
     }
 
-    /// One instruction.
+    /// Executes one instruction.
     fn step(&mut self, code: u8) -> Result<(), String> {
         match code {
             // PROTO, FRAME: how it was written.
@@ -441,7 +441,7 @@ impl<'a> Machine<'a> {
         ))
     }
 
-    /// What one of the known functions makes of its arguments.
+    /// Calls one of the known functions.
     fn call(&mut self) -> Result<(), String> {
         let ids = self.pop_many(2)?;
         let Object::Global(function) = self.objects[ids[0]] else {
@@ -468,6 +468,7 @@ impl<'a> Machine<'a> {
                 }
             }
             (Global::Encode, Some(&Object::Text(encoded)), Some(Object::Text("latin1"))) => {
+                // One text can be encoded many times, so the file's length does not bound this.
                 self.encoded += encoded.len();
                 if self.encoded > MAX_UNFOLDED {
                     return Err(format!(

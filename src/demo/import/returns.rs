@@ -1,4 +1,4 @@
-//! What an imported demonstration earned, as far as its observations tell.
+//! The rewards of an imported demonstration, as far as its observations tell.
 
 use std::path::Path;
 
@@ -17,7 +17,7 @@ use crate::{
 ///
 /// # Errors
 ///
-/// The shapes do not fit `env` (the message names `path`), or a step is to be replayed and cannot
+/// The shapes do not fit `env` (the message names `path`), or a step must be replayed and cannot
 /// be.
 pub fn recomputed_rewards(
     demonstration: &Demonstration,
@@ -66,8 +66,8 @@ fn replayed(demonstration: &Demonstration, env: EnvId) -> Result<Option<Vec<f64>
     Ok(Some(rewards))
 }
 
-/// The reward of a step from its observation and its action's squared norm; `None` where they do
-/// not tell.
+/// The reward of a step from its observation and its action's squared norm; `None` if they do not
+/// determine it.
 fn reward(env: EnvId, observation: &[f64], effort: f64) -> Option<f64> {
     Some(match env {
         EnvId::InvertedPendulum => 1.0,

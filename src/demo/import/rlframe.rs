@@ -17,7 +17,7 @@ use crate::{demo::Demonstration, env::EnvId};
 
 /// Where the demonstrator's filter clipped.
 const CLIP: f64 = 5.0;
-/// What `bytes`, a pickle, hold.
+/// Reads the demonstration from `bytes`, a pickle.
 pub(super) fn read(bytes: &[u8], env: EnvId) -> Result<Imported, String> {
     let pickle = Pickle::read(bytes)?;
     let root = pickle.root();
@@ -44,8 +44,8 @@ pub(super) fn read(bytes: &[u8], env: EnvId) -> Result<Imported, String> {
                     "step {i} of episode {e} in the pickle is not a dictionary"
                 ));
             };
-            // One step may stand in a list many times: what it unfolds to is not bounded by the
-            // file's length.
+            // A list may hold one step many times, so the file's length does not bound its unfolded
+            // size.
             looked_at += entries.len() + state_dim.unwrap_or(0) + action_dim.unwrap_or(0);
             if looked_at > MAX_NUMBERS {
                 return Err(format!(
@@ -113,6 +113,7 @@ pub(super) fn read(bytes: &[u8], env: EnvId) -> Result<Imported, String> {
         poses: None,
         provenance: provenance.collect(),
     };
+    // The pickle does not say why an episode ended.
     infer_ends(&mut demonstration, env, &mut losses);
     losses.push("rewards and poses are not recorded".into());
     Ok(Imported {
@@ -153,6 +154,7 @@ fn unfilter(
         .filter(|&count| count > 1.0)
         .ok_or("the pickle's filter has no count `zfilter n_step` above 1")?;
     let deviation = squared_errors.map(|sum| (sum / (count - 1.0)).sqrt());
+    // Counted while the states are still in the filter's units.
     let clipped = states.iter().filter(|state| state.abs() >= CLIP).count();
     for mut state in states.column_iter_mut() {
         state.component_mul_assign(&deviation);

@@ -1,4 +1,5 @@
-//! Parquet as others write it: lists, or one column a number, under the names of [`super::arrays`].
+//! Other programs' Parquet: lists, or one column for each number, under the names of
+//! [`super::arrays`].
 
 use super::{
     Imported,

@@ -2,12 +2,11 @@
 //!
 //! Owns the engine ([`simulation`], the only place that names `mujoco_rs`), the model's text with
 //! the files that it needs, and the task that a [`Robot`] makes of it. Knows nothing of time limits
-//! or of what the sparse rewards pay. Start at
-//! [`RobotEnvironment`].
+//! or of what the sparse rewards pay. Start at [`RobotEnvironment`].
 //!
-//! The paper's were Gym's of 2019 on MuJoCo 2.0 or 1.5. Today's engine refuses two of those models;
-//! Gymnasium's are used, and Gym's noise, rewards and ends. Trajectories differ from the authors';
-//! uniform actions earn what Table 4 says.
+//! The paper used Gym's environments of 2019 on MuJoCo 2.0 or 1.5. Today's engine refuses two of
+//! those models, so Gymnasium's are used, with Gym's noise, rewards and ends. Trajectories differ
+//! from the authors'; uniform actions earn what Table 4 says.
 
 mod model;
 mod observed;
@@ -37,29 +36,29 @@ use crate::rng::Rng;
 pub(super) struct RobotEnvironment {
     /// Its name, for messages.
     name: &'static str,
-    /// What marks its saved states.
+    /// The number in front of its saved states.
     tag: f64,
     pieces: Pieces,
     noise: InitialNoise,
     simulation: Simulation,
     /// Position along the way at the episode's start.
     start: f64,
-    /// Position along the way after the last step. Kept, since MuJoCo's own may be of a state that
-    /// is not saved.
+    /// Position along the way after the last step. Kept here, since MuJoCo's own may belong to a
+    /// state that is not saved.
     position: f64,
-    /// Distance of the goal's body from its target after the last step, kept likewise; 0 where
-    /// there is no goal.
+    /// Distance of the goal's body from its target after the last step, kept for the same reason; 0
+    /// if there is no goal.
     distance: f64,
-    /// The controls that scaled actions make.
+    /// The controls computed from scaled actions.
     controls: Vec<f64>,
 }
 
 impl RobotEnvironment {
-    /// The task of `robot` at the start of its `model`; `tag` marks its saved states.
+    /// The task of `robot` at the start of its `model`, with `tag` in front of its saved states.
     ///
     /// # Errors
     ///
-    /// MuJoCo refuses the model, or the model has not what the robot's table names.
+    /// MuJoCo refuses the model, or the model lacks something that the robot's table names.
     pub(super) fn new(
         name: &'static str,
         tag: f64,
@@ -93,7 +92,7 @@ impl RobotEnvironment {
         self.distance = self.goal_distance();
     }
 
-    /// How far the goal's body is from its target, metres; 0 where there is no goal.
+    /// The distance of the goal's body from its target, metres; 0 if there is no goal.
     fn goal_distance(&self) -> f64 {
         self.pieces
             .goal
@@ -211,8 +210,8 @@ impl Environment for RobotEnvironment {
             }
         }
         if self.pieces.reads_contacts {
-            // Today's MuJoCo computes contact forces on request alone; without this they are 0, as
-            // Gym with mujoco-py 2 had them.
+            // Today's MuJoCo computes contact forces on request only; without the request they are
+            // 0, as they were for Gym with mujoco-py 2.
             self.simulation.update_contact_forces();
         }
         Ok(())

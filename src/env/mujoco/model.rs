@@ -14,9 +14,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::intake::{self, Links};
 
-/// No model's text is longer, bytes.
+/// The longest text of a model that is read, bytes.
 const LONGEST_TEXT: u64 = 1 << 24;
-/// No mesh or texture is longer, bytes.
+/// The longest mesh or texture that is read, bytes.
 const LONGEST_FILE: u64 = 1 << 30;
 
 /// A model in MJCF.
@@ -25,15 +25,15 @@ const LONGEST_FILE: u64 = 1 << 30;
 pub(in crate::env) struct Model {
     /// Its text.
     pub(super) text: Cow<'static, str>,
-    /// Where it stands; absent for one that ships, which needs no other file.
+    /// The model's file; absent for one that ships, which needs no other file.
     pub(super) path: Option<PathBuf>,
-    /// The digests of the files that it needs, by their names as the model has them with its
-    /// folders before.
+    /// The digests of the files that it needs, by their names as the model gives them, with its
+    /// folders in front.
     files: BTreeMap<PathBuf, String>,
 }
 
 impl Model {
-    /// One that ships.
+    /// A model that ships.
     pub(in crate::env) const fn shipped(text: &'static str) -> Self {
         Self {
             text: Cow::Borrowed(text),
@@ -42,11 +42,11 @@ impl Model {
         }
     }
 
-    /// The one in the file at `path`, with what it needs.
+    /// The model in the file at `path`, with the files that it needs.
     ///
     /// # Errors
     ///
-    /// It, or a file that it names, cannot be read.
+    /// The model, or a file that it names, cannot be read.
     pub(in crate::env) fn read(path: &Path) -> Result<Self, String> {
         let told =
             |path: &Path, error: std::io::Error| format!("cannot read {}: {error}", path.display());
@@ -60,7 +60,7 @@ impl Model {
         let mut waiting = needed(&text);
         while let Some(name) = waiting.pop() {
             let file = folder.join(&name);
-            // What is not there MuJoCo misses in its own words, with the line, if it needs it at
+            // A missing file is left to MuJoCo, which reports it with the line, if it needs it at
             // all.
             let Ok(bytes) = intake::read(&file, Links::Follow, LONGEST_FILE) else {
                 continue;
@@ -79,7 +79,7 @@ impl Model {
         })
     }
 
-    /// What tells it from others: 16 hexadecimal digits of its text and the files that it needs,
+    /// The model's identity: 16 hexadecimal digits of its text and the files that it needs,
     /// wherever they stand.
     pub(in crate::env) fn digest(&self) -> String {
         let mut hasher = blake3::Hasher::new();
@@ -92,7 +92,7 @@ impl Model {
 
     /// # Errors
     ///
-    /// A file that it needs is no longer what it was.
+    /// A file that it needs has changed.
     pub(super) fn check_files(&self) -> Result<(), String> {
         let folder = self
             .path
@@ -118,7 +118,7 @@ fn digest(bytes: &[u8]) -> String {
     blake3::hash(bytes).to_hex()[..16].to_owned()
 }
 
-/// The files that the MJCF `text` may need: what its `file` attributes name, in each folder that
+/// The files that the MJCF `text` may need: those that `file` attributes name, in each folder that
 /// its compiler looks in.
 fn needed(text: &str) -> Vec<PathBuf> {
     let attributes = attributes(text);
@@ -140,7 +140,7 @@ fn needed(text: &str) -> Vec<PathBuf> {
         .collect()
 }
 
-/// The attributes of all elements of the XML `text`, comments apart.
+/// The attributes of all elements of the XML `text`, without comments.
 fn attributes(text: &str) -> Vec<(&str, &str)> {
     let mut found = Vec::new();
     let mut rest = text;
@@ -150,7 +150,7 @@ fn attributes(text: &str) -> Vec<(&str, &str)> {
             continue;
         }
         rest = inside;
-        // Up to the end of the element, a name and its value after the other.
+        // Names and values alternate up to the end of the element.
         while let Some(at) = rest
             .find(['=', '>'])
             .filter(|at| rest.as_bytes()[*at] == b'=')

@@ -1,4 +1,4 @@
-//! The parts of an observation: how they are written, and what pose they tell of.
+//! The parts of an observation: how they are written, and which part of the pose they show.
 
 use super::{reading::Bodies, simulation::Simulation};
 use crate::env::{
@@ -6,7 +6,7 @@ use crate::env::{
     robot::{Part, Range},
 };
 
-/// A part of an observation, with its numbers already counted.
+/// A part of an observation, with the number of its values known.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Observed {
     source: Source,
@@ -15,7 +15,7 @@ pub(super) struct Observed {
     clip: Option<f64>,
 }
 
-/// Where a part's numbers come from.
+/// The source of a part's numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Source {
     Positions,
@@ -31,11 +31,11 @@ enum Source {
 }
 
 impl Observed {
-    /// How `part` is read in `simulation`, whose goal's bodies are `goal`.
+    /// Looks up `part` in `simulation`, whose goal's bodies are `goal`.
     ///
     /// # Errors
     ///
-    /// There are no such numbers.
+    /// The simulation has no such numbers.
     pub(super) fn new(
         part: &Part,
         goal: Option<Bodies>,
@@ -72,17 +72,17 @@ impl Observed {
         })
     }
 
-    /// How many numbers it is.
+    /// The number of its values.
     pub(super) fn len(&self) -> usize {
         self.until - self.from
     }
 
-    /// Whether it needs the contacts' forces.
+    /// Whether it needs the contact forces.
     pub(super) fn reads_contacts(&self) -> bool {
         self.source == Source::ContactForces
     }
 
-    /// Writes its numbers at the beginning of `slots`.
+    /// Writes its values at the beginning of `slots`.
     pub(super) fn write(&self, simulation: &Simulation, slots: &mut [f64]) {
         let mut write = |numbers: &[f64], of: fn(f64) -> f64| {
             for (slot, number) in slots.iter_mut().zip(&numbers[self.from..self.until]) {
@@ -105,14 +105,15 @@ impl Observed {
         }
     }
 
-    /// The position or velocity behind each of its numbers, for the sources that tell of one.
+    /// Each of its numbers with the index of the position or velocity that it shows; only for
+    /// sources that show one.
     fn told<'a>(&self, numbers: &'a [f64]) -> impl Iterator<Item = (usize, f64)> + 'a {
         (self.from..self.until).zip(numbers.iter().copied())
     }
 }
 
 impl Source {
-    /// How many numbers it has.
+    /// The number of its values.
     fn len(self, simulation: &Simulation) -> usize {
         match self {
             Self::Positions | Self::Sines | Self::Cosines => simulation.qpos().len(),
@@ -127,10 +128,10 @@ impl Source {
     }
 }
 
-/// The pose (`nq` positions and `nv` velocities) that `observation`, made of `parts`, is of, and
-/// how many numbers at its beginning tell of positions; the positions before the first one that is
-/// observed, which are where on the ground it is, are
-/// 0. `None` where a velocity or any other position is not observed.
+/// The pose (`nq` positions and `nv` velocities) behind `observation`, made of `parts`, and how
+/// many numbers at its beginning are positions.
+/// Positions before the first observed one are where the robot is on the ground, and become 0.
+/// `None` if a velocity or any other position is not observed.
 pub(super) fn pose_of(
     parts: &[Observed],
     observation: &[f64],

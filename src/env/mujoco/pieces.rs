@@ -10,7 +10,7 @@ use crate::env::{
     robot::{Actions, Condition, Landmark, Measure, Robot, Term},
 };
 
-/// What a step needs of a [`Robot`].
+/// The parts of a [`Robot`] that a step needs.
 pub(super) struct Pieces {
     pub(super) frame_skip: usize,
     pub(super) controls: Controls,
@@ -19,37 +19,36 @@ pub(super) struct Pieces {
     pub(super) observation: Vec<Observed>,
     pub(super) terms: Vec<(Term, Option<Reading>)>,
     pub(super) alive: Vec<(Reading, Condition)>,
-    /// With what is read for it.
+    /// The landmark, with the reading that it needs.
     pub(super) landmark: Option<(Landmark, Option<Reading>)>,
-    /// Whether the forces of contacts are observed or cost anything.
+    /// Whether contact forces are observed or cost anything.
     pub(super) reads_contacts: bool,
 }
 
 /// How actions become controls.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Controls {
-    /// As they are; MuJoCo clamps each to this on either side of 0.
+    /// Unchanged; MuJoCo clamps each to `bound` on either side of 0.
     Raw { bound: f64 },
-    /// From [-1, 1] to each control's own range.
+    /// Scaled from [-1, 1] to each control's own range.
     Scaled,
 }
 
-/// What a term of the reward gives.
+/// The amount that a term of the reward gives.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Paid {
-    /// This much more.
+    /// An amount to add.
     More(f64),
-    /// This much less. A sum with a negative number would have the same bits; a first term would
-    /// not be told from 0.
+    /// An amount to subtract.
     Less(f64),
 }
 
 impl Pieces {
-    /// What `robot`, called `name`, is in `simulation`.
+    /// Looks up `robot`, called `name`, in `simulation`.
     ///
     /// # Errors
     ///
-    /// The model has not what the table names: which key, and why.
+    /// The model lacks something that the table names; the error tells which key, and why.
     pub(super) fn new(
         name: &str,
         robot: &Robot,
@@ -146,8 +145,8 @@ impl Pieces {
     }
 }
 
-/// What `term`, with what is read for it, gives for a step at `velocity` along the way (m/s), from
-/// `distances[0]` metres before the goal to `distances[1]`, under `action`.
+/// The amount that `term`, with its reading, gives for a step at `velocity` along the way (m/s),
+/// from `distances[0]` metres before the goal to `distances[1]`, under `action`.
 pub(super) fn paid(
     (term, reading): &(Term, Option<Reading>),
     simulation: &Simulation,

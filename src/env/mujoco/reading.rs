@@ -11,13 +11,13 @@ pub(super) enum Reading {
     Body(usize, usize),
     Site(usize, usize),
     CenterOfMass(usize),
-    /// Angles and lengths, metres.
+    /// The poles' angles and lengths, metres.
     Poles(Vec<(usize, f64)>),
     Magnitude(usize),
 }
 
 impl Reading {
-    /// How `measure` is read in `simulation`.
+    /// Looks up `measure` in `simulation`.
     ///
     /// # Errors
     ///
@@ -90,7 +90,7 @@ pub(super) struct Bodies {
 }
 
 impl Bodies {
-    /// Those of `goal`.
+    /// Looks up the bodies of `goal`.
     ///
     /// # Errors
     ///
@@ -103,7 +103,7 @@ impl Bodies {
         })
     }
 
-    /// From the target to the body, metres.
+    /// The offset from the target to the body, metres.
     pub(super) fn offset(self, simulation: &Simulation) -> [f64; 3] {
         let (body, target) = (
             simulation.body_position(self.body),
@@ -112,7 +112,7 @@ impl Bodies {
         [0, 1, 2].map(|axis| body[axis] - target[axis])
     }
 
-    /// Between the two, metres.
+    /// The distance between the two, metres.
     pub(super) fn distance(self, simulation: &Simulation) -> f64 {
         self.offset(simulation)
             .iter()
@@ -122,11 +122,11 @@ impl Bodies {
     }
 }
 
-/// The number `i` of `count`.
+/// `i`, if it is a number below `count`.
 ///
 /// # Errors
 ///
-/// There are not so many.
+/// `i` is too large.
 pub(super) fn within(i: usize, count: usize, what: &str) -> Result<usize, String> {
     let last = count.saturating_sub(1);
     if i < count {

@@ -7,9 +7,9 @@ use mujoco_rs::{prelude::*, wrappers::mj_auxiliary::MjVfs};
 use super::model::Model;
 use crate::env::{EnvError, Pose, check_finite, check_length};
 
-/// What the next step depends on, the solver's warm start included.
+/// The parts of the state that the next step depends on, the solver's warm start included.
 const STATE: u32 = MjtState::mjSTATE_INTEGRATION as u32;
-/// The engine that the bindings are made for; they panic on any other.
+/// The engine's version that the bindings are made for; they panic on any other.
 const ENGINE_VERSION: &str = "3.17.0";
 /// MuJoCo's own bound (`mjMAXVAL`): beyond it a number counts as diverged.
 const MAX_MAGNITUDE: f64 = 1e10;
@@ -26,8 +26,8 @@ impl Simulation {
     ///
     /// # Errors
     ///
-    /// The library is of another version, or refuses the model; a file that the model needs is not
-    /// as it was.
+    /// The library is of another version, or refuses the model; a file that the model needs has
+    /// changed.
     pub(super) fn new(env: &'static str, model: &Model) -> Result<Self, EnvError> {
         send_messages_to_the_log();
         let refused = |message: String| EnvError::Engine {
@@ -89,7 +89,7 @@ impl Simulation {
         self.data.model().name_to_id(kind, name)
     }
 
-    /// What the model calls its bodies or sites.
+    /// The names of the model's bodies or sites.
     pub(super) fn names(&self, kind: Named) -> Vec<&str> {
         let model = self.data.model();
         let (kind, count) = match kind {
@@ -172,8 +172,8 @@ impl Simulation {
     ///
     /// # Errors
     ///
-    /// The action has a wrong length or is not finite; the state diverged, upon which MuJoCo has
-    /// put it back to the model's start.
+    /// The action has a wrong length or is not finite; or the state diverged, and MuJoCo has reset
+    /// it to the model's start.
     pub(super) fn advance(&mut self, action: &[f64], times: usize) -> Result<(), EnvError> {
         let controls = self.data.ctrl_mut();
         check_length(self.env, "the action", action.len(), controls.len())?;
@@ -189,7 +189,7 @@ impl Simulation {
         ]
         .iter()
         .any(|&warning| self.data.warning()[warning as usize].number > 0);
-        // MuJoCo looks at a state when it leaves it, so the last one is still to be looked at.
+        // MuJoCo checks a state when it steps on from it, so the last state is not checked yet.
         let outside = |x: &f64| x.is_nan() || x.abs() > MAX_MAGNITUDE;
         if warned || self.qpos().iter().chain(self.qvel()).any(outside) {
             return Err(EnvError::Diverged {
@@ -223,10 +223,10 @@ impl Simulation {
         self.data.state(STATE)
     }
 
-    /// Puts back what [`state`](Self::state) gave.
+    /// Restores a state of [`state`](Self::state).
     pub(super) fn set_state(&mut self, state: &[f64]) -> Result<(), EnvError> {
-        // Counters of warnings belong to no state, and an earlier divergence must not be taken for
-        // one of this state.
+        // Warning counters belong to no state: an earlier divergence must not count against this
+        // one.
         self.data.reset();
         self.data
             .set_state(state, STATE)
@@ -237,7 +237,7 @@ impl Simulation {
     }
 }
 
-/// What a model names.
+/// A kind of thing that a model names.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Named {
     /// A body.
@@ -246,27 +246,27 @@ pub(super) enum Named {
     Site,
 }
 
-/// The model `text` as if it stood at `path`, beside which MuJoCo finds the files that it names.
+/// The model `text` as if it stood at `path`; MuJoCo looks beside that for the files that it names.
 fn from_text_at(text: &str, path: &Path) -> Result<MjModel, String> {
     let mut files = MjVfs::new();
     files.add_from_buffer(path, text.as_bytes()).map_err(said)?;
     MjModel::from_xml_vfs(path, &files).map_err(said)
 }
 
-/// What the engine said.
+/// The engine's message.
 fn said(error: impl fmt::Display) -> String {
     error.to_string()
 }
 
-/// Sends what MuJoCo says to `tracing`: by itself it prints, and writes MUJOCO_LOG.TXT into the
+/// Sends MuJoCo's messages to `tracing`; without this it prints, and writes MUJOCO_LOG.TXT into the
 /// working directory.
 fn send_messages_to_the_log() {
     static SENT: Once = Once::new();
     fn log(message: &MjLogMessage) {
         match message.level() {
             MjtLogLevel::mjLOG_ERROR => tracing::error!(target: "mujoco", "{}", message.subject()),
-            // Deprecated attributes of the models, and divergence, which `advance` returns as an
-            // error.
+            // These are about deprecated attributes of the models, and about divergence, which
+            // `advance` returns as an error.
             _ => tracing::debug!(target: "mujoco", "{}", message.subject()),
         }
     }

@@ -1,7 +1,7 @@
 //! The robots that ship: a table and a descriptor each.
 //!
-//! A table (`hopper.toml`) is what a user could write; its descriptor holds what only the paper and
-//! Gym know of it.
+//! A table (`hopper.toml`) is of the kind that a user could write; its descriptor holds what only
+//! the paper and Gym know of it.
 
 pub(super) mod ant;
 pub(super) mod half_cheetah;

@@ -40,7 +40,7 @@ where
     Untyped::new(name.into(), cells).into()
 }
 
-/// The first rows of a table, `most` at most.
+/// The first `most` rows of a table.
 ///
 /// # Errors
 ///
@@ -109,13 +109,13 @@ fn put<R, T>(rows: &mut [R], field: &Field<R, T>, cells: Vec<T>) {
     }
 }
 
-/// The first cells, `most` at most, none of which may be null.
+/// The first `most` cells, none of which may be null.
 fn required<T>(cells: Vec<Option<T>>, most: usize) -> Result<Vec<T>, String> {
     let all: Option<Vec<T>> = cells.into_iter().take(most).collect();
     all.ok_or_else(|| "has nulls; it may have none".to_owned())
 }
 
-/// What a column holds, as a message calls it.
+/// The content of a column, in the words of a message.
 fn expected<R>(column: &Column<R>) -> &'static str {
     match column.cell {
         Cell::Whole(_) | Cell::MaybeWhole(_) => "whole numbers",

@@ -1,4 +1,4 @@
-//! What every row begins with: the run that it is of.
+//! The first columns of every row: the keys of its run.
 
 use std::collections::BTreeMap;
 
@@ -10,7 +10,7 @@ use crate::{
 
 use super::frame::{self, named};
 
-/// What every row begins with.
+/// The first columns of every row.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Keys {
     /// [`EXPERIMENT`].
@@ -64,8 +64,9 @@ impl From<&RunSpec> for Keys {
     }
 }
 
-/// What goes before the name of an axis that another column has: the axis `cg_iterations` is what
-/// was allowed, the column `cg_iterations` what was taken; the column `d` holds numbers alone.
+/// The prefix for an axis whose name another column has.
+/// The axis `cg_iterations` is a limit, and the column `cg_iterations` the number taken; the column
+/// `d` holds numbers alone.
 const AXIS: &str = "axis.";
 
 /// The column of the axis `key`, the same in both tables.
@@ -94,7 +95,7 @@ pub(super) fn to_columns(keys: &Keys, height: usize) -> Vec<polars::prelude::Col
     columns
 }
 
-/// The keys of a table, by its first row.
+/// The keys of a table, from its first row.
 ///
 /// # Errors
 ///
@@ -111,7 +112,7 @@ pub(super) fn of(table: &Table) -> Result<Keys, String> {
     })
 }
 
-/// The axes of a table, by its first row.
+/// The axes of a table, from its first row.
 fn axes_of(table: &Table) -> Result<BTreeMap<String, AxisValue>, String> {
     let names = table
         .columns()

@@ -3,10 +3,10 @@
 //!
 //! Every row begins with its run's keys, and every file has the same columns of the same types
 //! whatever the algorithm, so that all of them can be scanned as one table. A quantity that a run
-//! does not have is null. The columns are those of
-//! [`measured`](crate::measured), to which [`keys`] adds the run's.
+//! does not have is null. The columns are those of [`measured`](crate::measured), to which [`keys`]
+//! adds the run's.
 //!
-//! polars writes them; [`crate::parquet`] reads them, since a record may be damaged, or a
+//! polars writes the files; [`crate::parquet`] reads them, since a record may be damaged, or a
 //! stranger's.
 
 mod documentation;
@@ -36,7 +36,7 @@ pub(super) const LIMIT: u64 = 1 << 28;
 pub struct Numbers(BTreeMap<&'static str, Vec<Option<f64>>>);
 
 impl Numbers {
-    /// The numbers of `column`; `None` where it was not read, or the file has no such column.
+    /// The numbers of `column`; `None` if it was not read, or the file has no such column.
     pub fn get(&self, column: &Column<Iteration>) -> Option<&[Option<f64>]> {
         self.0.get(column.name).map(Vec::as_slice)
     }
@@ -46,7 +46,7 @@ impl Numbers {
         self.0.insert(column.name, numbers);
     }
 
-    /// The numbers of those of `columns` that hold numbers.
+    /// The numbers in `rows` of those `columns` that hold numbers.
     pub fn of(rows: &[Iteration], columns: &[&Column<Iteration>]) -> Self {
         let numbers = |column: &&Column<Iteration>| {
             (
@@ -84,7 +84,7 @@ pub fn write_progress(
     write(path, to_frame(progress::COLUMNS, keys, rows), stamp)
 }
 
-/// The rows of iterations; the seconds of an update's parts are not kept.
+/// Reads the rows of iterations; the seconds of an update's parts are not kept.
 ///
 /// # Errors
 ///
@@ -108,7 +108,7 @@ pub fn write_evaluations(
     write(path, to_frame(evaluations::COLUMNS, keys, rows), stamp)
 }
 
-/// The rows of evaluation episodes.
+/// Reads the rows of evaluation episodes.
 ///
 /// # Errors
 ///
@@ -118,7 +118,7 @@ pub fn read_evaluations(path: &Path) -> Result<Vec<EvaluationEpisode>, RecordErr
         .map_err(|reason| malformed(path, reason))
 }
 
-/// The keys of a file of either kind.
+/// Reads the keys of a file of either kind.
 ///
 /// # Errors
 ///
@@ -127,7 +127,7 @@ pub fn read_keys(path: &Path) -> Result<Keys, RecordError> {
     keys::of(&read(path)?).map_err(|reason| malformed(path, reason))
 }
 
-/// The numbers of those of `columns` that hold numbers, and that the file has.
+/// Reads those `columns` that hold numbers and that the file has.
 ///
 /// # Errors
 ///
@@ -160,7 +160,7 @@ pub fn read_numbers(
     Ok(numbers)
 }
 
-/// The stamp of a file of either kind.
+/// Reads the stamp of a file of either kind.
 ///
 /// # Errors
 ///

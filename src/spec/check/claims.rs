@@ -10,25 +10,25 @@ use crate::{
     spec::{catalog::Catalog, claim::Versus},
 };
 
-/// Keys that mean nothing for a constraint that is kept, with what they are about.
+/// The keys of a comparison, which mean nothing for a constraint that is kept.
 const OF_COMPARISONS: [&str; 4] = ["than", "on", "at", "margin"];
 
 impl Checker<'_> {
-    /// `[[claims]]`.
+    /// Checks `[[claims]]`.
     pub(super) fn claims(&mut self, value: &Value<'_>) {
         let section = &Catalog::get().claim;
         self.shown_tables(value, "claims", "claim", section, Self::of_claim);
         self.tables(value, "claims", Self::together);
     }
 
-    /// A value of a claim that has the right type.
+    /// Checks one value of a claim, which has the right type already.
     fn of_claim(&mut self, key: &str, value: &Value<'_>) {
         if key == "margin" && number(value).is_some_and(|margin| !margin.is_finite()) {
             self.wrong(value.span(), "`margin` is not a finite number", None);
         }
     }
 
-    /// What the keys of one claim are together.
+    /// Checks that the keys of one claim go together.
     fn together(&mut self, claim: &DeTable<'_>, span: Range<usize>) {
         let text = |key: &str| claim.get(key).and_then(|value| value.get_ref().as_str());
         let place = |key: &str| claim.get(key).map_or(span.clone(), |value| value.span());
@@ -78,7 +78,7 @@ impl Checker<'_> {
     }
 }
 
-/// The number that a value is.
+/// `value` as a number; `None` if it is none.
 fn number(value: &Value<'_>) -> Option<f64> {
     super::plain_value(value).and_then(|value| {
         value

@@ -13,7 +13,7 @@ use crate::spec::{
 };
 
 impl Checker<'_> {
-    /// One `[[matrix]]` block, whose header is at `span`.
+    /// Checks one `[[matrix]]` block, whose header is at `span`.
     pub(super) fn block(&mut self, block: &DeTable<'_>, span: Range<usize>) {
         for key in BLOCK_KEYS
             .into_iter()
@@ -31,7 +31,7 @@ impl Checker<'_> {
             let (span, key) = (name.span(), name.get_ref().as_ref());
             self.key(key, |this| {
                 match this.axes.iter().find(|axis| axis.key == key) {
-                    // The argument takes the place of the file's list, and the blame.
+                    // The argument replaces the file's list, so mistakes are reported there.
                     Some(axis) => {
                         let (source, _) = axis.layer.parse();
                         let file = std::mem::replace(&mut this.layer, &axis.layer);
@@ -82,7 +82,7 @@ impl Checker<'_> {
             .collect()
     }
 
-    /// One list of a block.
+    /// Checks one list of a block.
     fn axis(&mut self, key: &str, span: Range<usize>, value: &Value<'_>, algorithms: &[&str]) {
         let parameter = Parameter::find(key);
         if !BLOCK_KEYS.contains(&key) {
@@ -102,6 +102,7 @@ impl Checker<'_> {
                             .as_table()
                             .and_then(|table| table.keys().next())
                         {
+                            // TOML reads `mcpo.d` without quotation marks as a table `mcpo`.
                             Some(inner) => Some(format!(
                                 "write `\"{key}.{}\" = [...]`, with quotation marks",
                                 inner.get_ref()
@@ -181,8 +182,8 @@ impl Checker<'_> {
         });
     }
 
-    /// Checks each of `elements` with `check`, which gives what it means, and that none means the
-    /// same as another.
+    /// Checks each of `elements` with `check`, which returns its meaning, and that no two elements
+    /// mean the same.
     fn elements(
         &mut self,
         key: &str,
@@ -226,7 +227,7 @@ impl Checker<'_> {
         }
     }
 
-    /// One value of an axis, for every algorithm of the block that has it.
+    /// Checks one value of an axis for every algorithm of the block that has it.
     fn parameter(
         &mut self,
         name: &str,
@@ -262,8 +263,8 @@ impl Checker<'_> {
     }
 }
 
-/// What tells a value from others: 1, 1.0, 0.0 and -0.0 are two values, by themselves as in a list
-/// or a table.
+/// A text that is the same for equal values: 1 and 1.0 are equal, as are 0.0 and -0.0, alone or
+/// inside a list or table.
 fn meaning(value: &toml::Value) -> String {
     match value {
         toml::Value::Float(number) => (number + 0.0).to_string(),

@@ -1,5 +1,5 @@
-//! The check of one layer, key by key: what each value is alone. How they go together is
-//! `combinations`'s.
+//! Checks one layer, key by key, each value by itself. How values go together is checked by
+//! `combinations`.
 
 mod claims;
 mod matrix;
@@ -41,14 +41,15 @@ pub(super) const BLOCK_KEYS: [&str; 3] = ["seed", "env", "algorithm"];
 
 type Value<'a> = Spanned<DeValue<'a>>;
 
-/// What a layer says, without what is wrong in it, and what is wrong.
+/// The valid part of a layer, and the errors of the rest.
 pub(super) struct Checked {
     pub(super) table: toml::Table,
     pub(super) errors: Vec<SpecError>,
 }
 
-/// Checks every value of `source` by itself. `axes` replace lists of its blocks, and are checked in
-/// their place. `robots` are those that the file describes.
+/// Checks every value of `source` by itself.
+/// The lists in `axes` replace those of its blocks, and are checked in their place.
+/// `robots` are the robots that the file describes.
 pub(super) fn check(source: &Source<'_>, axes: &[AxisList], robots: &Robots) -> Checked {
     let mut checker = Checker {
         layer: source.layer,
@@ -79,7 +80,7 @@ pub(super) fn check(source: &Source<'_>, axes: &[AxisList], robots: &Robots) -> 
     Checked { table, errors }
 }
 
-/// Removes what is at the end of `way`.
+/// Removes the value at the end of `way`.
 fn remove(value: &mut toml::Value, way: &[Step]) {
     match (value, way) {
         (toml::Value::Table(table), [Step::Key(key)]) => {
@@ -107,20 +108,20 @@ struct Checker<'a> {
     axes: &'a [AxisList],
     robots: &'a Robots,
     errors: Vec<SpecError>,
-    /// The ways to what is wrong.
+    /// The paths of wrong values.
     bad: Vec<Vec<Step>>,
-    /// The way to what is being checked.
+    /// The path of the value being checked.
     way: Vec<Step>,
 }
 
 impl<'a> Checker<'a> {
-    /// What is being checked is wrong.
+    /// Reports the value being checked as wrong, and marks it for removal.
     fn wrong(&mut self, span: Range<usize>, message: impl Into<String>, label: Option<String>) {
         self.bad.push(self.way.clone());
         self.note(span, message, label);
     }
 
-    /// Something is wrong, though what is being checked can stay.
+    /// Reports a mistake, but keeps the value being checked.
     fn note(&mut self, span: Range<usize>, message: impl Into<String>, label: Option<String>) {
         let place = self.layer.place(span);
         let key = |step: &Step| match step {
@@ -142,13 +143,13 @@ impl<'a> Checker<'a> {
         self.wrong(value.span(), message, Some(format!("expected {expected}")));
     }
 
-    /// What to write instead of an unknown name, for as many as anybody reads.
+    /// A suggestion for an unknown name; none after the first errors, since nobody reads so many.
     fn hint(&self, known: impl FnOnce() -> Option<String>) -> Option<String> {
         const MOST: usize = 100;
         (self.errors.len() < MOST).then(known).flatten()
     }
 
-    /// The mistake just told is about `key`, which was probably meant.
+    /// Notes that the last reported mistake concerns `key`, which was probably meant.
     fn meant(&mut self, key: Option<String>) {
         if let Some(error) = self.errors.last_mut() {
             error.about.extend(key);
@@ -205,7 +206,7 @@ impl<'a> Checker<'a> {
         self.different_files(table);
     }
 
-    /// A name that becomes a file's or a folder's.
+    /// Checks a name that becomes a file's or a folder's.
     fn name(&mut self, value: &Value<'_>) {
         match value.get_ref().as_str() {
             None => self.wrong_type(value, "a name", "a string"),
@@ -230,7 +231,7 @@ impl<'a> Checker<'a> {
         }
     }
 
-    /// A list of tables, `[[key]]`.
+    /// Checks a list of tables, `[[key]]`.
     fn tables(
         &mut self,
         value: &Value<'_>,
@@ -258,7 +259,7 @@ impl<'a> Checker<'a> {
         }
     }
 
-    /// The value at `path` of `section`, or every value of the table there.
+    /// Checks the value at `path` of `section`, or every value of the table there.
     fn section(&mut self, section: &Section, path: &[&str], value: &Value<'_>) {
         let title = path.join(".");
         match section.keys(path) {
@@ -318,7 +319,7 @@ impl<'a> Checker<'a> {
         self.meant(meant);
     }
 
-    /// `[algorithms]`, of the file or of an environment.
+    /// Checks `[algorithms]`, of the file or of an environment.
     fn algorithms(&mut self, table: &DeTable<'_>) {
         for (name, value) in table {
             self.key(name.get_ref(), |this| {
@@ -361,11 +362,11 @@ impl<'a> Checker<'a> {
         self.wrong(span, format!("unknown algorithm `{name}`"), label);
     }
 
-    /// The environment called `name`, or the error that there is none.
+    /// The environment called `name`; reports an error where there is none.
     fn environment(&mut self, name: &str, span: Range<usize>) -> Option<EnvId> {
         match self.robots.find(name) {
             Ok(env) => return Some(env),
-            // It has its own messages, and is left out.
+            // A robot with mistakes of its own is already reported.
             Err(None) => self.bad.push(self.way.clone()),
             Err(Some(EnvError::UnknownEnvironment { name, known })) => {
                 self.wrong(span, format!("unknown environment `{name}`"), Some(known));
@@ -402,7 +403,7 @@ impl<'a> Checker<'a> {
         }
     }
 
-    /// The table of the environment called `name`: settings, and a robot's own keys.
+    /// Checks the table of the environment called `name`: settings, and a robot's own keys.
     fn of_environment(&mut self, name: &str, table: &DeTable<'_>) {
         let Catalog {
             settings, robot, ..

@@ -1,4 +1,4 @@
-//! The check of figures and tables.
+//! Checks figures and tables.
 
 use std::collections::HashSet;
 
@@ -11,7 +11,7 @@ use super::{Checker, Value};
 use crate::spec::{catalog::Section, source::Step};
 
 impl Checker<'_> {
-    /// `[[figures]]` or `[[tables]]`.
+    /// Checks `[[figures]]` or `[[tables]]`.
     pub(super) fn figures_or_tables(
         &mut self,
         value: &Value<'_>,
@@ -22,8 +22,8 @@ impl Checker<'_> {
         self.shown_tables(value, key, what, section, Self::shown);
     }
 
-    /// A list of tables of one type with names of their own; `check` looks at a value that has the
-    /// right type.
+    /// Checks a list of tables of one type with unique names; `check` looks at each value that has
+    /// the right type.
     pub(super) fn shown_tables(
         &mut self,
         value: &Value<'_>,
@@ -49,6 +49,7 @@ impl Checker<'_> {
                     }
                     let before = this.errors.len();
                     this.each(section, text, value);
+                    // A value of the wrong type is reported once, and not looked at further.
                     if this.errors.len() == before {
                         check(this, text, value);
                     }
@@ -85,8 +86,8 @@ impl Checker<'_> {
         }
     }
 
-    /// Tables of returns and of settings are written to files of the same kinds, so that none may
-    /// have the other's name.
+    /// Checks that no table of returns has the name of a table of settings: both are written to
+    /// files of the same kinds.
     pub(super) fn different_files(&mut self, root: &DeTable<'_>) {
         let names = |key: &str| {
             let tables = root
@@ -114,15 +115,15 @@ impl Checker<'_> {
         }
     }
 
-    /// A value of a figure or table that has the right type.
+    /// Checks a value of a figure or table, which has the right type already.
     fn shown(&mut self, key: &str, value: &Value<'_>) {
         if key == "name" {
             self.name(value);
         }
     }
 
-    /// The value at `key` of `section`; of a list each element by itself, so that each mistake is
-    /// found.
+    /// Checks the value at `key` of `section`. Each element of a list is checked by itself, so that
+    /// every mistake is found.
     fn each(&mut self, section: &Section, key: &str, value: &Value<'_>) {
         match value.get_ref().as_array() {
             Some(elements) if !elements.is_empty() && section.takes_lists(key) => {
