@@ -1,6 +1,6 @@
 //! Compares two recordings of one run, and finds the first number that differs.
 //!
-//! Within one numeric class ([`Build::numeric_class`](super::Build::numeric_class)) every row and
+//! Within one numeric class ([`Build`](super::Build) tells it) every row and
 //! the policy must have the same bits, except for times by a clock. Between classes the last bits
 //! differ from the first step on, and the physics amplifies that: with products summed in another
 //! order, the rows of `experiments/ci.toml` deviate by up to 3 parts in 100 in the first iteration
