@@ -222,6 +222,31 @@ fn mistakes_are_told_where_they_are() {
             "",
             vec!["`actions`: actuator 0, counted from 0, has no `ctrlrange`"],
         ),
+        (
+            "landmark      =",
+            "goal = { body = \"mast\" }\nlandmark      =",
+            vec!["Some(4) `Sled`: missing field `target` in `goal`"],
+        ),
+        (
+            "landmark      =",
+            "goal = { body = \"mast\", target = 3 }\nlandmark      =",
+            vec!["Some(12) `goal.target`: 3 does not belong here"],
+        ),
+        (
+            "velocities = { uniform = 0.05 }",
+            "disc = { first = 0, radius = -1 }",
+            vec!["Some(11) `initial_noise.disc.radius`: -1"],
+        ),
+        (
+            "velocities = { uniform = 0.05 }",
+            "velocities = { uniform = 1e308 }",
+            vec!["Some(11) `initial_noise`: 1e308 is too wide"],
+        ),
+        (
+            "frame_skip    = 2",
+            "frame_skip    = 2_000_000_000",
+            vec!["Some(6) `frame_skip`: it is 2000000000; 10000 at most"],
+        ),
     ] {
         let told = told(from, to);
         assert!(

@@ -5,10 +5,13 @@ use std::{path::Path, process::ExitCode};
 use clap::builder::PossibleValuesParser;
 use comfy_table::{Cell, CellAlignment};
 
-use super::{plan::table, print};
+use super::{
+    environment::{Named, named},
+    plan::table,
+    print,
+};
 use crate::{
     bench::{self, Measured},
-    env::EnvId,
     plan::{self, RunSpec},
     schedule::progress::thousands,
     spec::{self, Algorithm, Overrides, SpecErrors},
@@ -18,8 +21,8 @@ use crate::{
 #[derive(Debug, clap::Args)]
 pub struct BenchArguments {
     /// The environment, such as HalfCheetah-v2, or robot.toml:NAME for a robot of one's own
-    #[arg(long, value_parser = super::environment::environment)]
-    env: EnvId,
+    #[arg(long, value_parser = named)]
+    env: Named,
     /// The algorithm
     #[arg(long, value_parser = PossibleValuesParser::new(Algorithm::names()))]
     algorithm: String,
@@ -60,16 +63,25 @@ fn invalid(errors: SpecErrors) -> anyhow::Error {
 }
 
 /// The run to measure. It is read as if from a matrix file in `experiments`, so that the
-/// demonstrations are found.
+/// demonstrations are found; on a user's robot, from one that extends the file of the robot.
 fn spec(arguments: &BenchArguments) -> anyhow::Result<RunSpec> {
     let BenchArguments {
-        env,
+        env: Named { env, file },
         algorithm,
         set,
         ..
     } = arguments;
+    let mut head = "name = 'bench'\n".to_owned();
+    if let Some(file) = file {
+        let file = std::path::absolute(file)?;
+        // What the file draws is of axes that this run has not.
+        head += &format!(
+            "extends = {}\nfigures = []\ntables = []\nsettings = []\nclaims = []\n",
+            toml::Value::String(file.to_string_lossy().into_owned())
+        );
+    }
     let text = format!(
-        "name = 'bench'\nbudget.env_steps = 1_000_000_000\n\
+        "{head}budget.env_steps = 1_000_000_000\n\
          [[matrix]]\nseed = [0]\nenv = ['{env}']\nalgorithm = ['{algorithm}']\n"
     );
     let overrides = Overrides {

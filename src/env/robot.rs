@@ -274,6 +274,15 @@ pub enum Noise {
     Normal(Positive),
 }
 
+impl Noise {
+    /// How far numbers are drawn apart: the bound, or the standard deviation.
+    pub(super) fn spread(self) -> f64 {
+        match self {
+            Self::Uniform(spread) | Self::Normal(spread) => spread.get(),
+        }
+    }
+}
+
 /// Two positions that are drawn together, evenly from a disc around 0; their velocities are 0.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -297,7 +306,7 @@ pub enum Landmark {
 }
 
 impl Robot {
-    /// A table with nothing but what is required.
+    /// A table that has every table within it, so that each of their keys can be checked alone.
     pub(crate) fn specimen() -> Self {
         Self {
             model: PathBuf::from("robot.xml"),
@@ -305,11 +314,20 @@ impl Robot {
             max_steps: default_max_steps(),
             actions: Actions::default(),
             forward: first_position(),
-            goal: None,
+            goal: Some(Goal {
+                body: "tip".to_owned(),
+                target: "target".to_owned(),
+            }),
             observation: vec![Part::Positions(Range::default())],
             dense_reward: Vec::new(),
             alive: Vec::new(),
-            initial_noise: InitialNoise::default(),
+            initial_noise: InitialNoise {
+                disc: Some(Disc {
+                    first: 0,
+                    radius: constant(1.0),
+                }),
+                ..InitialNoise::default()
+            },
             landmark: None,
         }
     }

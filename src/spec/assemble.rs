@@ -49,6 +49,10 @@ pub(super) fn assemble(
         anchor(&mut checked.table, layer);
         tables.push(checked.table);
     }
+    // Where a single value is wrong, its own message says so, and better.
+    if errors.is_empty() {
+        errors.extend(robots.unread.iter().cloned());
+    }
     // A list with a mistake of its own replaces nothing.
     axes.retain(|axis| {
         !errors

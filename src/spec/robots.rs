@@ -19,6 +19,9 @@ use crate::env::{EnvError, EnvId, robot::Robot};
 pub(super) struct Robots {
     /// The robots by name; `None` for one with a mistake.
     known: BTreeMap<String, Option<EnvId>>,
+    /// Why tables are no robots, for mistakes that the check of single values cannot see: a key
+    /// that is missing within.
+    pub(super) unread: Vec<SpecError>,
 }
 
 impl Robots {
@@ -49,7 +52,15 @@ impl Robots {
                 name: &name,
                 sources,
             };
-            let found = described.environment(table);
+            let robot = match described.robot(table) {
+                Ok(robot) => robot,
+                Err(error) => {
+                    robots.known.insert(name.clone(), None);
+                    robots.unread.push(error);
+                    continue;
+                }
+            };
+            let found = robot.and_then(|robot| described.environment(robot));
             robots
                 .known
                 .insert(name.clone(), found.as_ref().ok().copied());
@@ -143,7 +154,17 @@ impl Described<'_> {
     /// # Errors
     ///
     /// The mistakes of the robot as a whole; an empty list if only single values are wrong.
-    fn environment(&self, table: toml::Table) -> Result<EnvId, Vec<SpecError>> {
+    fn environment(&self, robot: Robot) -> Result<EnvId, Vec<SpecError>> {
+        let model = robot.model.clone();
+        EnvId::of_robot(self.name, robot).map_err(|error| vec![self.located(error, &model)])
+    }
+
+    /// The robot in `table`, or which required keys it has not.
+    ///
+    /// # Errors
+    ///
+    /// A value within cannot be read.
+    fn robot(&self, table: toml::Table) -> Result<Result<Robot, Vec<SpecError>>, SpecError> {
         let required = Catalog::get()
             .robot
             .required()
@@ -155,11 +176,13 @@ impl Described<'_> {
             })
             .collect();
         if !missing.is_empty() {
-            return Err(missing);
+            return Ok(Err(missing));
         }
-        let robot: Robot = table.try_into().map_err(|_| Vec::new())?;
-        let model = robot.model.clone();
-        EnvId::of_robot(self.name, robot).map_err(|error| vec![self.located(error, &model)])
+        // toml tells the key on a line of its own: "missing field `target`\nin `goal`".
+        let told = |error: toml::de::Error| error.to_string().trim().replace('\n', " ");
+        let read = table.try_into();
+        read.map(Ok)
+            .map_err(|error| self.error(&[], format!("`{}`: {}", self.name, told(error)), None))
     }
 
     /// Places `error` where it was written: in the robot's table, or in its model.

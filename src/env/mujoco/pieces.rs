@@ -7,7 +7,7 @@ use super::{
 };
 use crate::env::{
     EnvError,
-    robot::{Actions, Condition, Landmark, Measure, Robot, Term},
+    robot::{Actions, Condition, InitialNoise, Landmark, Measure, Noise, Robot, Term},
 };
 
 /// The parts of a [`Robot`] that a step needs.
@@ -42,6 +42,12 @@ pub(super) enum Paid {
     /// An amount to subtract.
     Less(f64),
 }
+
+/// The most steps of a model in one step of a task: a step of a run has to end, or nothing can
+/// interrupt it.
+const MOST_STEPS: u64 = 10_000;
+/// The widest initial noise, metres or radians: beyond it no simulation means anything.
+const MOST_NOISE: f64 = 1e6;
 
 impl Pieces {
     /// Looks up `robot`, called `name`, in `simulation`.
@@ -110,7 +116,27 @@ impl Pieces {
                 None
             }
         };
-        if let Some(disc) = robot.initial_noise.disc {
+        if robot.frame_skip.get() > MOST_STEPS {
+            let message = format!("it is {}; {MOST_STEPS} at most", robot.frame_skip.get());
+            return Err(at("frame_skip", None)(message));
+        }
+        let InitialNoise {
+            positions,
+            velocities,
+            disc,
+        } = robot.initial_noise;
+        let spread = [positions, velocities]
+            .into_iter()
+            .flatten()
+            .map(Noise::spread);
+        let widest = spread
+            .chain(disc.map(|disc| disc.radius.get()))
+            .fold(0.0, f64::max);
+        if widest > MOST_NOISE {
+            let message = format!("{widest:e} is too wide; {MOST_NOISE:e} at most");
+            return Err(at("initial_noise", None)(message));
+        }
+        if let Some(disc) = disc {
             let last = disc.first.saturating_add(1);
             let both = within(last, simulation.qpos().len(), "positions")
                 .and_then(|_| within(last, simulation.qvel().len(), "velocities"));
