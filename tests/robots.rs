@@ -230,17 +230,17 @@ fn mistakes_are_told_where_they_are() {
         (
             "landmark      =",
             "goal = { body = \"mast\", target = 3 }\nlandmark      =",
-            vec!["Some(12) `goal.target`: 3 does not belong here"],
+            vec!["Some(11) `goal.target`: 3 does not belong here"],
         ),
         (
             "velocities = { uniform = 0.05 }",
             "disc = { first = 0, radius = -1 }",
-            vec!["Some(11) `initial_noise.disc.radius`: -1"],
+            vec!["Some(10) `initial_noise.disc.radius`: -1"],
         ),
         (
             "velocities = { uniform = 0.05 }",
             "velocities = { uniform = 1e308 }",
-            vec!["Some(11) `initial_noise`: 1e308 is too wide"],
+            vec!["Some(10) `initial_noise`: 1e308 is too wide"],
         ),
         (
             "frame_skip    = 2",

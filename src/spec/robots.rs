@@ -52,15 +52,18 @@ impl Robots {
                 name: &name,
                 sources,
             };
-            let robot = match described.robot(table) {
-                Ok(robot) => robot,
-                Err(error) => {
-                    robots.known.insert(name.clone(), None);
-                    robots.unread.push(error);
-                    continue;
+            let missing = described.missing(&table);
+            let found = if missing.is_empty() {
+                match table.try_into() {
+                    Ok(robot) => described.environment(robot),
+                    Err(error) => {
+                        robots.unread.push(described.unread(&error));
+                        Err(Vec::new())
+                    }
                 }
+            } else {
+                Err(missing)
             };
-            let found = robot.and_then(|robot| described.environment(robot));
             robots
                 .known
                 .insert(name.clone(), found.as_ref().ok().copied());
@@ -149,40 +152,33 @@ struct Described<'a> {
 }
 
 impl Described<'_> {
-    /// The environment that `table` describes.
+    /// The environment of `robot`.
     ///
     /// # Errors
     ///
-    /// The mistakes of the robot as a whole; an empty list if only single values are wrong.
+    /// The mistakes of the robot as a whole.
     fn environment(&self, robot: Robot) -> Result<EnvId, Vec<SpecError>> {
         let model = robot.model.clone();
         EnvId::of_robot(self.name, robot).map_err(|error| vec![self.located(error, &model)])
     }
 
-    /// The robot in `table`, or which required keys it has not.
-    ///
-    /// # Errors
-    ///
-    /// A value within cannot be read.
-    fn robot(&self, table: toml::Table) -> Result<Result<Robot, Vec<SpecError>>, SpecError> {
-        let required = Catalog::get()
-            .robot
-            .required()
-            .filter(|key| !table.contains_key(*key));
-        let missing: Vec<SpecError> = required
+    /// The required keys that `table` lacks.
+    fn missing(&self, table: &toml::Table) -> Vec<SpecError> {
+        let required = Catalog::get().robot.required();
+        required
+            .filter(|key| !table.contains_key(*key))
             .map(|key| {
                 let message = format!("the robot `{}` has no `{key}`", self.name);
                 self.error(&[], message, Some(format!("write `{key} = ...`")))
             })
-            .collect();
-        if !missing.is_empty() {
-            return Ok(Err(missing));
-        }
+            .collect()
+    }
+
+    /// The `error` of a table that is no robot.
+    fn unread(&self, error: &toml::de::Error) -> SpecError {
         // toml tells the key on a line of its own: "missing field `target`\nin `goal`".
-        let told = |error: toml::de::Error| error.to_string().trim().replace('\n', " ");
-        let read = table.try_into();
-        read.map(Ok)
-            .map_err(|error| self.error(&[], format!("`{}`: {}", self.name, told(error)), None))
+        let told = error.to_string().trim().replace('\n', " ");
+        self.error(&[], format!("`{}`: {told}", self.name), None)
     }
 
     /// Places `error` where it was written: in the robot's table, or in its model.
