@@ -1,8 +1,8 @@
 //! How fast training is, and how fast this core could do it.
 //!
 //! Owns the measuring of a few iterations and the floor under them: the physics alone on the same
-//! steps, and the [operations] of the networks' passes at the rate of the best product. Knows
-//! nothing of how this is shown. Start at [`measure`].
+//! steps, and the [operations](crate::algo::operations) of the networks' passes at the rate of the
+//! best product. Knows nothing of how this is shown. Start at [`measure`].
 //!
 //! Ratios are taken by CPU time, which other work on the machine does not stretch (it still takes
 //! caches and clock rate away); on an idle machine the wall clock says the same.
