@@ -1,31 +1,33 @@
 //! How fast training is, and how fast this core could do it.
 //!
 //! Owns the measuring of a few iterations and the floor under them: the physics alone on the same
-//! steps, and the [operations] of the networks' passes at the rate of the best product. Knows
-//! nothing of how this is shown. Start at [`measure`].
+//! steps, and the [operations](crate::algo::operations) of the networks' passes at the rate of the
+//! best product. Knows nothing of how this is shown. Start at [`measure`].
 //!
 //! Ratios are taken by CPU time, which other work on the machine does not stretch (it still takes
 //! caches and clock rate away); on an idle machine the wall clock says the same.
 
 mod clock;
+mod parts;
 mod rate;
+mod sums;
+mod training;
 
 use std::{collections::BTreeMap, io};
 
-use serde::{Serialize, Serializer};
+use serde::Serialize;
 
 pub use crate::algo::operations::Shapes;
 use crate::{
-    algo::{Learner, OnPolicy, SegmentEnd, operations},
-    demo::Demonstration,
     env::EnvError,
     plan::RunSpec,
-    record::{self, Checkpoint, RecordError},
-    rng::Stream,
-    train::{TrainError, build, rollout::Rollout},
+    record::{self, RecordError},
+    train::TrainError,
 };
-use clock::{Seconds, timed};
+pub use parts::Parts;
 pub use rate::Rate;
+use sums::Sums;
+use training::Training;
 
 /// Errors of a measurement.
 #[derive(Debug, thiserror::Error)]
@@ -100,32 +102,23 @@ pub struct Floor {
     pub rate: Rate,
 }
 
-/// Numbers by name, in the order in which they first came.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Parts(Vec<(String, f64)>);
-
-impl Parts {
-    fn add(&mut self, name: &str, number: f64) {
-        match self.0.iter_mut().find(|(known, _)| known == name) {
-            Some((_, sum)) => *sum += number,
-            None => self.0.push((name.to_owned(), number)),
+impl Floor {
+    /// The floor of `env_steps` steps, whose physics took `physics_seconds` of CPU time, and of the
+    /// `operations` at this `rate`.
+    fn new(env_steps: u64, physics_seconds: f64, operations: Parts, rate: Rate) -> Self {
+        let product_seconds = operations.sum() / rate.flops_per_s;
+        Self {
+            steps_per_cpu_s: env_steps as f64 / (physics_seconds + product_seconds),
+            physics_seconds,
+            product_seconds,
+            operations,
+            rate,
         }
     }
 
-    /// The names and numbers, in order.
-    pub fn iter(&self) -> impl Iterator<Item = (&str, f64)> {
-        self.0.iter().map(|(name, number)| (name.as_str(), *number))
-    }
-
-    /// The sum of all.
-    pub fn sum(&self) -> f64 {
-        self.iter().map(|(_, number)| number).sum()
-    }
-}
-
-impl Serialize for Parts {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_map(self.iter())
+    /// CPU seconds of the physics and the operations.
+    fn cpu_seconds(&self) -> f64 {
+        self.physics_seconds + self.product_seconds
     }
 }
 
@@ -136,132 +129,37 @@ impl Serialize for Parts {
 ///
 /// Training fails, the algorithm takes no steps, or a checkpoint cannot be written.
 pub fn measure(spec: &RunSpec, iterations: u64) -> Result<Measured, BenchError> {
-    let Learner::OnPolicy(mut algorithm) = build::learner(spec, &mut build::cloned, &mut || {})?
-    else {
-        return Err(BenchError::NoRollouts(spec.algorithm_name()));
-    };
-    let shapes = shapes(spec, algorithm.as_ref())?;
-    let mut rollout = Rollout::new(build::tasks(spec, shapes.environments)?, spec.seed);
-    // The floor has environments of its own, so that its replay does not disturb the rollout.
-    let mut bare = Rollout::new(build::tasks(spec, shapes.environments)?, spec.seed);
-    let mut updates = spec.seed.stream(Stream::Update, 0);
-    let (mut spent, mut physics, mut rate) =
-        (Seconds::default(), Seconds::default(), Rate::default());
-    let (mut phases, mut operations) = (Parts::default(), Parts::default());
-    let (mut cases, mut cg_iterations) = (BTreeMap::new(), None);
-    for iteration in 0..=iterations {
-        let state = rollout.save();
-        let (collected, collecting) =
-            timed(|| rollout.collect(algorithm.agent_mut(), shapes.rollout / shapes.environments));
-        let collected = collected?;
-        let (update, updating) = timed(|| algorithm.update(&collected.batch, &mut updates));
-        let update = update.map_err(|source| TrainError::Algo { iteration, source })?;
-        bare.restore(state)?;
-        let (replayed, replaying) = timed(|| bare.replay(&collected.batch));
-        replayed?;
+    let mut training = Training::new(spec)?;
+    let shapes = training.shapes().clone();
+    let (mut rate, mut sums) = (Rate::default(), Sums::default());
+    for index in 0..=iterations {
+        let iteration = training.iteration(index)?;
+        // The best of many timings counts, so they are spread over the whole measurement.
         rate.measure();
-        if iteration == 0 {
-            continue;
-        }
-        spent += collecting;
-        spent += updating;
-        physics += replaying;
-        let stepping = collected.physics.as_secs_f64();
-        phases.add("physics", stepping);
-        phases.add(
-            "inference and rest of the rollout",
-            collecting.wall - stepping,
-        );
-        for (part, seconds) in &update.seconds {
-            phases.add(part, *seconds);
-        }
-        let known: f64 = update.seconds.iter().map(|(_, seconds)| seconds).sum();
-        phases.add("rest of the update", updating.wall - known);
-        let cut = |end: &SegmentEnd| matches!(end, SegmentEnd::Bootstrapped { .. });
-        let cuts = collected
-            .batch
-            .segments
-            .iter()
-            .filter(|segment| cut(&segment.end))
-            .count();
-        for (part, number) in operations::of_iteration(&spec.algorithm, &shapes, cuts, &update) {
-            operations.add(part, number);
-        }
-        cg_iterations = update
-            .cg_iterations
-            .map(|more| cg_iterations.unwrap_or(0) + more)
-            .or(cg_iterations);
-        if let Some(case) = update.case {
-            *cases.entry(case).or_default() += 1;
+        if index > 0 {
+            sums.add(iteration, spec, &shapes);
         }
     }
-
-    let checkpoint = checkpoint_seconds(algorithm.as_ref(), &rollout)?;
     let every = spec.checkpoint.every_seconds.get();
-    // One checkpoint is written in each interval, so this is its share of the time.
-    let recording = Seconds {
-        wall: checkpoint.wall * spent.wall / every,
-        cpu: checkpoint.cpu * spent.cpu / every,
-    };
-    spent += recording;
-    phases.add("recording", recording.wall);
+    sums.add_recording(training.checkpoint_seconds()?, every);
 
     let env_steps = iterations * shapes.rollout as u64;
-    let product_seconds = operations.sum() / rate.flops_per_s;
-    let floor_seconds = physics.cpu + product_seconds;
+    let floor = Floor::new(env_steps, sums.physics.cpu, sums.operations, rate);
     Ok(Measured {
         env: spec.env.to_string(),
         algorithm: spec.algorithm_name(),
         shapes,
         iterations,
         env_steps,
-        seconds: spent.wall,
-        cpu_seconds: spent.cpu,
-        steps_per_s: env_steps as f64 / spent.wall,
-        steps_per_cpu_s: env_steps as f64 / spent.cpu,
-        floor_ratio: floor_seconds / spent.cpu,
-        phases,
-        floor: Floor {
-            steps_per_cpu_s: env_steps as f64 / floor_seconds,
-            physics_seconds: physics.cpu,
-            product_seconds,
-            operations,
-            rate,
-        },
-        cases,
-        cg_iterations,
+        seconds: sums.spent.wall,
+        cpu_seconds: sums.spent.cpu,
+        steps_per_s: env_steps as f64 / sums.spent.wall,
+        steps_per_cpu_s: env_steps as f64 / sums.spent.cpu,
+        floor_ratio: floor.cpu_seconds() / sums.spent.cpu,
+        phases: sums.phases,
+        floor,
+        cases: sums.cases,
+        cg_iterations: sums.cg_iterations,
         cpu_class: record::cpu_class(),
     })
-}
-
-fn shapes(spec: &RunSpec, algorithm: &dyn OnPolicy) -> Result<Shapes, TrainError> {
-    let demonstration = match &spec.demonstration {
-        Some(path) => Demonstration::read_for(path, spec.env)?.actions.ncols(),
-        None => 0,
-    };
-    let agent = algorithm.agent();
-    Ok(Shapes {
-        observation: agent.policy.mean().widths()[0],
-        action: agent.policy.log_std().len(),
-        hidden: agent.hidden().to_vec(),
-        environments: spec.rollout.environments.size(),
-        rollout: spec.rollout.steps.size(),
-        demonstration,
-    })
-}
-
-/// How long one checkpoint takes.
-fn checkpoint_seconds(algorithm: &dyn OnPolicy, rollout: &Rollout) -> Result<Seconds, BenchError> {
-    let folder = tempfile::tempdir()?;
-    let (written, seconds) = timed(|| {
-        let state = postcard::to_stdvec(&(algorithm.save(), rollout.save()))
-            .expect("numbers always serialise");
-        Checkpoint {
-            state,
-            ..Checkpoint::default()
-        }
-        .write(&folder.path().join("checkpoint"), "bench")
-    });
-    written?;
-    Ok(seconds)
 }

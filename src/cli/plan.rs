@@ -46,16 +46,7 @@ pub fn show(
         .map(Planned::state)
         .collect::<Result<Vec<_>, _>>()?;
     // Finished runs tell how long the others will take.
-    let mut costs = CostModel::default();
-    for (run, state) in planned.iter().zip(&states) {
-        if let RunState::Finished(manifest)
-        | RunState::ToExtend {
-            shorter: manifest, ..
-        } = state
-        {
-            costs.learn(&run.spec, manifest);
-        }
-    }
+    let costs = CostModel::of(planned, &states);
     let mut table = table(&["run", "state", "steps", "time"]);
     let mut seconds_left = 0.0;
     for (run, state) in planned.iter().zip(&states) {

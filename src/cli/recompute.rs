@@ -1,6 +1,6 @@
 //! Runs that are computed once more, to be compared with their records.
 
-use std::{path::Path, time::Duration};
+use std::path::Path;
 
 use anyhow::Context;
 
@@ -8,19 +8,18 @@ use crate::{
     record::{Manifest, Stamp},
     schedule::{
         campaign::{Options, Summary},
-        cost::CostModel,
         local::{self, physical_cores},
         preflight,
-        progress::{Progress, Style},
-        state::{Planned, RunState},
+        progress::Style,
+        state::{Planned, unfinished},
         stop::StopRequest,
     },
 };
 
 /// The exit code where a result differs from its record.
 pub const NOT_REPRODUCED: u8 = 4;
-/// A run that makes no progress for this long is killed.
-const HANG_TIMEOUT: Duration = Duration::from_secs(600);
+/// The error where no process can be started.
+pub const NO_PROGRAM: &str = "cannot find this program's own file";
 
 /// Computes those of the `planned` runs that `results` does not hold.
 ///
@@ -35,9 +34,7 @@ pub fn compute(
 ) -> anyhow::Result<Summary> {
     let stop = StopRequest::on_signals().context("cannot listen for signals")?;
     let states = preflight::prepare(planned, results, false)?;
-    let pairs = planned.iter().zip(&states);
-    let due: Vec<Planned> = pairs
-        .filter(|(_, state)| !matches!(state, RunState::Finished(_)))
+    let due: Vec<Planned> = unfinished(planned, &states)
         // The user and the machine are left out: they are not compared, and the record may be
         // published.
         .map(|(run, _)| Planned {
@@ -45,20 +42,8 @@ pub fn compute(
             ..run.clone()
         })
         .collect();
-    let jobs = jobs.map_or_else(physical_cores, usize::from);
-    let options = Options {
-        jobs,
-        threads: None,
-        retries: 0,
-        fail_fast: false,
-        hang_timeout: HANG_TIMEOUT,
-        verbose: false,
-    };
-    let costs = CostModel::default();
-    let seconds = due.iter().map(|run| costs.seconds(&run.spec)).sum();
-    let mut progress = Progress::new(Style::choose(quiet), false, due.len(), seconds);
-    local::run(&due, results, options, &costs, &stop, &mut progress)
-        .context("cannot find this program's own file")
+    let options = Options::new(jobs.map_or_else(physical_cores, usize::from));
+    local::run_unknown(&due, results, options, Style::choose(quiet), &stop).context(NO_PROGRAM)
 }
 
 /// The reason why this program on this machine need not reproduce the bits of a record, as part of

@@ -4,18 +4,20 @@ use std::{collections::BTreeSet, path::Path, process::ExitCode, time::Duration};
 
 use anyhow::Context;
 
-use super::{chosen::Chosen, complain, demo::counted, duration, plan, report};
+use super::{
+    chosen::Chosen, complain, demo::counted, duration, plan, recompute::NO_PROGRAM, report,
+};
 use crate::{
     plan::RunSpec,
     report::Scope,
     schedule::{
-        campaign::{Options, Summary},
+        campaign::{HANG_TIMEOUT, Options, Summary},
         cost::CostModel,
         local::{self, physical_cores},
         preflight,
         progress::{Progress, Style, clock, thousands},
         shard::Shard,
-        state::{Planned, RunState},
+        state::{Planned, unfinished},
         stop::{INTERRUPTED, StopRequest},
     },
 };
@@ -43,7 +45,12 @@ pub struct RunArguments {
     #[arg(long)]
     fresh: bool,
     /// Kill a run that makes no progress for this many seconds
-    #[arg(long, value_name = "SECONDS", default_value_t = 600, value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(
+        long,
+        value_name = "SECONDS",
+        default_value_t = HANG_TIMEOUT.as_secs(),
+        value_parser = clap::value_parser!(u64).range(1..)
+    )]
     hang_timeout: u64,
     /// Run only part K of N, as each of N machines does with its own K from 1 to N, and write no
     /// report
@@ -64,6 +71,26 @@ pub struct RunArguments {
     verbose: bool,
 }
 
+impl RunArguments {
+    /// How the runs are to be started.
+    fn options(&self) -> Options {
+        let threads = self.threads.map(usize::from);
+        // More threads than cores would only wait for each other.
+        let jobs = self.jobs.map_or_else(
+            || (physical_cores() / threads.unwrap_or(1)).max(1),
+            usize::from,
+        );
+        Options {
+            jobs,
+            threads,
+            retries: self.retries,
+            fail_fast: self.fail_fast,
+            hang_timeout: Duration::from_secs(self.hang_timeout),
+            verbose: self.verbose,
+        }
+    }
+}
+
 /// Runs the missing runs, then writes the reports.
 pub fn run(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
     let chosen = &arguments.chosen;
@@ -80,55 +107,7 @@ pub fn run(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
     if let Some(time) = arguments.max_time {
         stop = stop.or_after(time);
     }
-    let states = preflight::prepare(&planned, &chosen.results, arguments.fresh)?;
-    let mut costs = CostModel::default();
-    for (run, state) in planned.iter().zip(&states) {
-        if let RunState::Finished(manifest)
-        | RunState::ToExtend {
-            shorter: manifest, ..
-        } = state
-        {
-            costs.learn(&run.spec, manifest);
-        }
-    }
-    let pairs = || {
-        planned
-            .iter()
-            .zip(&states)
-            .filter(|(_, state)| !matches!(state, RunState::Finished(_)))
-    };
-    let due: Vec<Planned> = pairs().map(|(run, _)| run.clone()).collect();
-    let summary = if due.is_empty() {
-        Summary::default()
-    } else {
-        let threads = arguments.threads.map(usize::from);
-        let jobs = arguments.jobs.map_or_else(
-            || (physical_cores() / threads.unwrap_or(1)).max(1),
-            usize::from,
-        );
-        let options = Options {
-            jobs,
-            threads,
-            retries: arguments.retries,
-            fail_fast: arguments.fail_fast,
-            hang_timeout: Duration::from_secs(arguments.hang_timeout),
-            verbose: arguments.verbose,
-        };
-        let seconds = pairs()
-            .map(|(run, state)| plan::seconds_of(run, state, &costs))
-            .sum();
-        let mut progress = Progress::new(
-            Style::choose(arguments.quiet),
-            arguments.verbose,
-            due.len(),
-            seconds,
-        );
-        progress.say(&greeting(&planned, &due, jobs, seconds, &chosen.results));
-        let summary = local::run(&due, &chosen.results, options, &costs, &stop, &mut progress)
-            .context("cannot find this program's own file")?;
-        progress.say(&farewell(planned.len(), due.len(), &summary));
-        summary
-    };
+    let summary = run_missing(arguments, &planned, &stop)?;
     // A stop that came after everything had ended does not count.
     if summary.interrupted && summary.left > 0 {
         return Ok(ExitCode::from(INTERRUPTED));
@@ -159,6 +138,34 @@ pub fn run(arguments: &RunArguments) -> anyhow::Result<ExitCode> {
         complain(&error);
     }
     Ok(ExitCode::FAILURE)
+}
+
+/// Runs those of the `planned` runs that have not finished, until all have ended or `stop` asks.
+fn run_missing(
+    arguments: &RunArguments,
+    planned: &[Planned],
+    stop: &StopRequest,
+) -> anyhow::Result<Summary> {
+    let results = &arguments.chosen.results;
+    let states = preflight::prepare(planned, results, arguments.fresh)?;
+    let due: Vec<Planned> = unfinished(planned, &states)
+        .map(|(run, _)| run.clone())
+        .collect();
+    if due.is_empty() {
+        return Ok(Summary::default());
+    }
+    let options = arguments.options();
+    let costs = CostModel::of(planned, &states);
+    let seconds = unfinished(planned, &states)
+        .map(|(run, state)| plan::seconds_of(run, state, &costs))
+        .sum();
+    let style = Style::choose(arguments.quiet);
+    let mut progress = Progress::new(style, arguments.verbose, due.len(), seconds);
+    progress.say(&greeting(planned, &due, options.jobs, seconds, results));
+    let summary =
+        local::run(&due, results, options, &costs, stop, &mut progress).context(NO_PROGRAM)?;
+    progress.say(&farewell(planned.len(), due.len(), &summary));
+    Ok(summary)
 }
 
 /// The first screen: the runs to start, and the place of their results.

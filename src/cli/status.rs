@@ -136,16 +136,7 @@ impl Survey {
         states: &[RunState],
         cluster: &HashMap<(String, String), Place>,
     ) -> Self {
-        let mut costs = CostModel::default();
-        for (run, state) in planned.iter().zip(states) {
-            if let RunState::Finished(manifest)
-            | RunState::ToExtend {
-                shorter: manifest, ..
-            } = state
-            {
-                costs.learn(&run.spec, manifest);
-            }
-        }
+        let costs = CostModel::of(planned, states);
         let mut survey = Self {
             lines: Vec::new(),
             counts: BTreeMap::new(),

@@ -97,16 +97,7 @@ pub fn run(arguments: &SubmitArguments) -> anyhow::Result<ExitCode> {
             .collect::<Result<Vec<_>, _>>()?,
         false => preflight::prepare(&planned, &chosen.results, arguments.fresh)?,
     };
-    let mut costs = CostModel::default();
-    for (run, state) in planned.iter().zip(&states) {
-        if let RunState::Finished(manifest)
-        | RunState::ToExtend {
-            shorter: manifest, ..
-        } = state
-        {
-            costs.learn(&run.spec, manifest);
-        }
-    }
+    let costs = CostModel::of(&planned, &states);
     // The path is made absolute, since nodes do not know the folder in which this was called.
     let results =
         std::path::absolute(&chosen.results).context("cannot tell where the results are")?;

@@ -45,6 +45,23 @@ pub struct Options {
     pub verbose: bool,
 }
 
+/// A worker that is silent for this long is killed, unless another time is asked for.
+pub const HANG_TIMEOUT: Duration = Duration::from_secs(600);
+
+impl Options {
+    /// `jobs` runs at a time, each tried once, whatever becomes of the others.
+    pub fn new(jobs: usize) -> Self {
+        Self {
+            jobs,
+            threads: None,
+            retries: 0,
+            fail_fast: false,
+            hang_timeout: HANG_TIMEOUT,
+            verbose: false,
+        }
+    }
+}
+
 /// The outcome of the runs that were due.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Summary {

@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 
+use super::state::{Planned, RunState};
 use crate::{env::EnvId, plan::RunSpec, record::Manifest};
 
 /// The expected duration of runs.
@@ -13,8 +14,24 @@ pub struct CostModel {
 }
 
 impl CostModel {
+    /// The costs by the recorded speeds of the `planned` runs, in these `states`, that have
+    /// finished, be it with fewer steps than are planned now.
+    pub fn of(planned: &[Planned], states: &[RunState]) -> Self {
+        let mut costs = Self::default();
+        for (run, state) in planned.iter().zip(states) {
+            if let RunState::Finished(manifest)
+            | RunState::ToExtend {
+                shorter: manifest, ..
+            } = state
+            {
+                costs.learn(&run.spec, manifest);
+            }
+        }
+        costs
+    }
+
     /// Takes a finished run into account.
-    pub fn learn(&mut self, spec: &RunSpec, manifest: &Manifest) {
+    fn learn(&mut self, spec: &RunSpec, manifest: &Manifest) {
         let (seconds, work) = self.recorded.entry(key(spec)).or_default();
         *seconds += manifest.seconds;
         *work += if !spec.algorithm.trains() {

@@ -7,22 +7,17 @@
 use std::{
     env, io,
     path::{Path, PathBuf},
-    time::Duration,
 };
 
 use super::{
     campaign::{Options, Summary},
-    cost::CostModel,
     local, preflight,
-    progress::{Progress, Style},
-    state::{Planned, RunState},
+    progress::Style,
+    state::{Planned, unfinished},
     stop::StopRequest,
     submission::Submission,
 };
 use crate::record::RecordError;
-
-/// A run that makes no progress for this long is killed.
-pub const HANG_TIMEOUT: Duration = Duration::from_secs(600);
 
 /// Why an element could not begin.
 #[derive(Debug, thiserror::Error)]
@@ -69,25 +64,17 @@ pub fn run(plan: &Path, index: usize, stop: &StopRequest) -> Result<Ended, Eleme
         source,
     })?;
     let states = preflight::prepare(&planned, submission.results.as_ref(), false)?;
-    let pairs = planned.iter().zip(&states);
-    let due: Vec<Planned> = pairs
-        .filter(|(_, state)| !matches!(state, RunState::Finished(_)))
+    let due: Vec<Planned> = unfinished(&planned, &states)
         .map(|(run, _)| run.clone())
         .collect();
     let before = steps_done(&due);
     let options = Options {
-        jobs: cores().unwrap_or(submission.cpus),
-        threads: None,
         retries: submission.retries,
-        fail_fast: false,
-        hang_timeout: HANG_TIMEOUT,
         verbose: submission.verbose,
+        ..Options::new(cores().unwrap_or(submission.cpus))
     };
-    let costs = CostModel::default();
-    let seconds = due.iter().map(|run| costs.seconds(&run.spec)).sum();
-    let mut progress = Progress::new(Style::choose(false), submission.verbose, due.len(), seconds);
     let results = submission.results.as_ref();
-    let summary = local::run(&due, results, options, &costs, stop, &mut progress)?;
+    let summary = local::run_unknown(&due, results, options, Style::choose(false), stop)?;
     Ok(Ended {
         is_farther: steps_done(&due) > before,
         summary,

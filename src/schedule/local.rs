@@ -15,7 +15,7 @@ use super::{
     campaign::{self, Options, Summary},
     cost::CostModel,
     event::{Event, Job, Message},
-    progress::Progress,
+    progress::{Progress, Style},
     state::Planned,
     stop::StopRequest,
 };
@@ -49,6 +49,24 @@ pub fn run(
         stop,
         progress,
     ))
+}
+
+/// As [`run`], for runs that are seen for the first time: nothing is known of their speed.
+///
+/// # Errors
+///
+/// This program's own file is gone.
+pub fn run_unknown(
+    due: &[Planned],
+    results: &Path,
+    options: Options,
+    style: Style,
+    stop: &StopRequest,
+) -> io::Result<Summary> {
+    let costs = CostModel::default();
+    let seconds = due.iter().map(|run| costs.seconds(&run.spec)).sum();
+    let mut progress = Progress::new(style, options.verbose, due.len(), seconds);
+    run(due, results, options, &costs, stop, &mut progress)
 }
 
 /// An executor with one process per job.

@@ -71,6 +71,17 @@ pub struct LastState {
     pub damaged: Vec<RecordError>,
 }
 
+/// Those of the `planned` runs, which are in these `states`, that have not finished.
+pub fn unfinished<'a>(
+    planned: &'a [Planned],
+    states: &'a [RunState],
+) -> impl Iterator<Item = (&'a Planned, &'a RunState)> {
+    planned
+        .iter()
+        .zip(states)
+        .filter(|(_, state)| !matches!(state, RunState::Finished(_)))
+}
+
 impl RunState {
     /// The environment steps that are recorded and count.
     pub fn steps_done(&self) -> u64 {

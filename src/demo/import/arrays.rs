@@ -1,15 +1,10 @@
-//! Assembles a demonstration from named arrays, as `.npz` files and other programs' Parquet tables
-//! hold them.
+//! Named arrays of numbers, as `.npz` files and other programs' Parquet tables hold them.
 
 use std::collections::BTreeSet;
 
 use nalgebra::DMatrix;
 
-use super::{Imported, MAX_NUMBERS, NAMES, episodes::Episodes, infer_ends};
-use crate::{
-    demo::Demonstration,
-    env::{EnvId, Pose},
-};
+use super::MAX_NUMBERS;
 
 /// Numbers in rows.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,7 +34,7 @@ impl Array {
     }
 
     /// The array with each row as a column.
-    fn into_columns(self) -> DMatrix<f64> {
+    pub(super) fn into_columns(self) -> DMatrix<f64> {
         DMatrix::from_vec(
             self.numbers.len().checked_div(self.rows).unwrap_or(0),
             self.rows,
@@ -48,19 +43,8 @@ impl Array {
     }
 }
 
-/// The names that other programs use for a step's quantities; [`Episodes`] knows those that mark
-/// episodes.
-const OBSERVATIONS: &[&str] = &["observation", "observations", "obs", "observation.state"];
-const ACTIONS: &[&str] = &["action", "actions", "acts"];
-const REWARDS: &[&str] = &["reward", "rewards", "rews", "next.reward"];
-const QPOS: &[&str] = &["qpos", "infos/qpos"];
-const QVEL: &[&str] = &["qvel", "infos/qvel"];
-
-/// The most steps of a demonstration.
-const MAX_STEPS: usize = 1 << 21;
-
 /// Looks up an array by its name; `None` where there is none.
-type Named<'a> = dyn Fn(&str) -> Result<Option<Array>, String> + 'a;
+pub(super) type Named<'a> = dyn Fn(&str) -> Result<Option<Array>, String> + 'a;
 
 /// A file's arrays, with a record of which were asked for.
 pub(super) struct Arrays<'a> {
@@ -97,7 +81,8 @@ impl<'a> Arrays<'a> {
         Ok(None)
     }
 
-    fn required(&mut self, names: &[&'static str]) -> Result<Array, String> {
+    /// As [`first`](Self::first), where one of `names` must be there.
+    pub(super) fn required(&mut self, names: &[&'static str]) -> Result<Array, String> {
         self.first(names)?
             .map(|(_, array)| array)
             .ok_or_else(|| format!("it has none of {}", names.join(", ")))
@@ -119,7 +104,7 @@ impl<'a> Arrays<'a> {
     }
 
     /// The `names` that were never asked for.
-    fn unused<'n>(&self, names: impl IntoIterator<Item = &'n str>) -> Vec<&'n str> {
+    pub(super) fn unused<'n>(&self, names: impl IntoIterator<Item = &'n str>) -> Vec<&'n str> {
         // A column `obs_3` belongs to `obs`.
         let stem = |name: &'n str| {
             name.rsplit_once('_')
@@ -131,171 +116,6 @@ impl<'a> Arrays<'a> {
             .filter(|name| !is_used(name) && !stem(name).is_some_and(|(stem, _)| is_used(stem)));
         all.collect()
     }
-}
-
-/// The demonstration of `env` from the arrays called `names`, which `named` looks up.
-///
-/// # Errors
-///
-/// Arrays are missing, of unequal lengths, too large, or contradict each other.
-pub(super) fn assemble<'n>(
-    env: EnvId,
-    names: impl IntoIterator<Item = &'n str>,
-    named: &Named<'_>,
-) -> Result<Imported, String> {
-    let mut arrays = Arrays::new(named);
-    let (mut losses, mut warnings) = (Vec::new(), Vec::new());
-    let actions = arrays.required(ACTIONS)?;
-    let n = actions.rows;
-    if n == 0 {
-        return Err("it has no steps".into());
-    }
-    if n > MAX_STEPS {
-        return Err(format!("it has {n} steps; at most {MAX_STEPS} are read"));
-    }
-    let mut episodes = Episodes::of(&mut arrays, n, env.max_steps())?;
-    let mut after_last = false;
-    // An array has one row a step; if it has one more after each episode, that row has no place in
-    // the format.
-    let mut of_steps = |what: &str, array: Array| {
-        let (rows, count) = (array.rows, episodes.count());
-        let mut columns = array.into_columns();
-        if rows == n + count && rows != n {
-            after_last = true;
-            let behind: Vec<_> = episodes
-                .last_rows()
-                .iter()
-                .enumerate()
-                .map(|(i, last)| last + i + 1)
-                .collect();
-            columns = columns.remove_columns_at(&behind);
-        } else if rows != n {
-            let episodes = if count == 1 {
-                "1 episode".to_owned()
-            } else {
-                format!("{count} episodes")
-            };
-            return Err(format!(
-                "`{what}` has {rows} rows for {n} actions in {episodes}"
-            ));
-        }
-        Ok(columns)
-    };
-    let mut observations = of_steps("observations", arrays.required(OBSERVATIONS)?)?;
-    let (qpos, qvel) = (arrays.first(QPOS)?, arrays.first(QVEL)?);
-    let mut poses = match (qpos, qvel) {
-        (Some((_, qpos)), Some((_, qvel))) => {
-            let (qpos, qvel) = (of_steps("qpos", qpos)?, of_steps("qvel", qvel)?);
-            let pairs = qpos.column_iter().zip(qvel.column_iter());
-            Some(
-                pairs
-                    .map(|(q, v)| Pose {
-                        qpos: q.as_slice().to_vec(),
-                        qvel: v.as_slice().to_vec(),
-                    })
-                    .collect(),
-            )
-        }
-        (one, other) => {
-            let alone = one.or(other).map_or_else(String::new, |(name, _)| {
-                format!(" (`{name}` alone is not enough)")
-            });
-            losses.push(format!(
-                "poses are not recorded{alone}; the demonstration cannot be verified by replay"
-            ));
-            None::<Vec<Pose>>
-        }
-    };
-    let mut actions = actions.into_columns();
-    let mut rewards = arrays.of_each_step(REWARDS, n)?.map(|(_, rewards)| rewards);
-    if rewards.is_none() {
-        losses.push("rewards are not recorded".into());
-    }
-    // In RLDS an episode's last row is no step: it holds the observation after the last one.
-    if episodes.last_rows_are_marked
-        && last_rows_are_no_steps(&episodes, &actions, rewards.as_deref())
-    {
-        let rows = episodes.last_rows();
-        observations = observations.remove_columns_at(&rows);
-        actions = actions.remove_columns_at(&rows);
-        let keep = |row: usize| rows.binary_search(&row).is_err();
-        rewards = rewards.map(|all| {
-            (0..n)
-                .filter(|&row| keep(row))
-                .map(|row| all[row])
-                .collect()
-        });
-        poses = poses.map(|all| {
-            all.into_iter()
-                .enumerate()
-                .filter(|(row, _)| keep(*row))
-                .map(|(_, pose)| pose)
-                .collect()
-        });
-        episodes.drop_last_rows();
-        after_last = true;
-    }
-    if after_last {
-        losses.push(
-            "the observation after each episode's last step has no place in the format".into(),
-        );
-    }
-    let (are_told, ends_are_told) = (episodes.are_told, episodes.ends_are_told);
-    let Episodes {
-        starts: episode_starts,
-        terminated,
-        truncated,
-        ..
-    } = episodes;
-    let mut demonstration = Demonstration {
-        observations,
-        actions,
-        rewards,
-        episode_starts,
-        terminated,
-        truncated,
-        poses,
-        provenance: vec![],
-    };
-    if !ends_are_told {
-        infer_ends(&mut demonstration, env, &mut losses);
-    }
-    if !are_told {
-        warnings.push(format!(
-            "nothing says where episodes begin; all {n} steps are taken as one episode"
-        ));
-    }
-    let unused = arrays.unused(names);
-    if !unused.is_empty() {
-        let more = if unused.len() > NAMES { " ..." } else { "" };
-        losses.push(format!(
-            "not used: {}{more}",
-            unused[..unused.len().min(NAMES)].join(", ")
-        ));
-    }
-    Ok(Imported {
-        demonstration,
-        losses,
-        warnings,
-    })
-}
-
-/// Whether the last row of each episode is the observation after its last step, as in RLDS: the
-/// action and reward of these rows mean nothing and are 0, and those of other rows are not.
-fn last_rows_are_no_steps(
-    episodes: &Episodes,
-    actions: &DMatrix<f64>,
-    rewards: Option<&[f64]>,
-) -> bool {
-    let last = episodes.last_rows();
-    let long = last
-        .iter()
-        .zip(&episodes.starts)
-        .all(|(last, start)| last > start);
-    let is_zero = |row: usize| {
-        actions.column(row).iter().all(|&a| a == 0.0) && rewards.is_none_or(|r| r[row] == 0.0)
-    };
-    long && last.iter().all(|&row| is_zero(row)) && actions.iter().any(|&action| action != 0.0)
 }
 
 /// The numbers in `bytes`, whose numpy type is `name` (`f8`, `b1` ...), lowest byte first if

@@ -5,6 +5,7 @@
 //! file says, and trusts none of the sizes in it. Start at [`import`].
 
 mod arrays;
+mod assemble;
 mod episodes;
 mod npz;
 mod pickle;

@@ -6,7 +6,8 @@
 
 use super::{
     Imported, MAX_NUMBERS,
-    arrays::{Array, assemble, decode},
+    arrays::{Array, decode},
+    assemble::assemble,
     unfold,
 };
 use crate::env::EnvId;

@@ -1,10 +1,7 @@
 //! Other programs' Parquet: lists, or one column for each number, under the names of
-//! [`super::arrays`].
+//! [`super::assemble`].
 
-use super::{
-    Imported,
-    arrays::{Array, assemble},
-};
+use super::{Imported, arrays::Array, assemble::assemble};
 use crate::{
     env::EnvId,
     parquet::{Table, Values},

@@ -1,7 +1,7 @@
 //! What every figure holds to.
 
 use super::{
-    picture::{Text, text_width},
+    picture::{Anchor, Shape, Text, text_width},
     *,
 };
 use crate::report::{

@@ -1,7 +1,8 @@
 //! A comparison of two experiments as text.
 
 use super::{
-    Grid, OUR_DECIMALS,
+    Grid,
+    cell::OUR_DECIMALS,
     digits::{alone, between, plus_minus},
     terminal,
 };

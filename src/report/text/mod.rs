@@ -1,12 +1,15 @@
 //! Tables as text: Markdown, LaTeX, CSV and the terminal.
 //!
 //! Owns the layout of a table's cells. Knows nothing of where the numbers come from. Start at
-//! [`markdown`]; [`Grid`] is what all formats but CSV show.
+//! [`markdown`]; all formats but CSV show a [`Grid`].
 
+mod cell;
 pub mod claims;
 pub mod compare;
 mod csv;
 mod digits;
+mod grid;
+mod lines;
 pub mod settings;
 pub mod statistics;
 mod terminal;
@@ -15,29 +18,12 @@ mod tex;
 pub use csv::{csv, curves_csv, number, seeds_csv, value, written};
 pub use terminal::terminal;
 
-use super::{
-    amount, axis, cell::Cell, reference::PaperValue, table::TableData, verdict::Comparison,
-};
+use super::{amount, axis, table::TableData};
 use crate::{escape, spec::Key};
 pub use digits::alone;
-use digits::{between, plus_minus};
-
-/// The most digits after the point of our own numbers.
-const OUR_DECIMALS: usize = 4;
-/// The digits after the point that the paper prints.
-const PAPER_DECIMALS: usize = 2;
-
-/// A table of texts.
-pub struct Grid {
-    /// The headers of the columns.
-    pub headers: Vec<String>,
-    /// The rows, each with one cell per header.
-    pub rows: Vec<Vec<String>>,
-    /// The number of leading columns that name a row.
-    pub names: usize,
-    /// Whether each column holds numbers, which are aligned right.
-    pub numeric: Vec<bool>,
-}
+pub use grid::Grid;
+use grid::{compact, compares, list, matrix};
+use lines::markdown_grid;
 
 /// The table as Markdown, aligned so that it is readable as plain text.
 pub fn markdown(data: &TableData) -> String {
@@ -98,234 +84,6 @@ fn seeds(data: &TableData) -> Option<String> {
         (fewest, most) if fewest < most => Some(format!("n = {fewest} to {most} seeds a cell.")),
         (_, most) => Some(format!("n = {} a cell.", amount::count(most, "seed"))),
     }
-}
-
-/// Whether any value of the paper stands in the table.
-fn compares(data: &TableData) -> bool {
-    data.rows.iter().any(|row| {
-        row.cells.iter().flatten().any(|cell| cell.paper.is_some()) || row.paper_demo.is_some()
-    })
-}
-
-/// The single grid for LaTeX and the terminal: the matrix where there are several columns,
-/// otherwise the list.
-fn compact(data: &TableData) -> Grid {
-    if data.columns.len() > 1 {
-        matrix(data)
-    } else {
-        list(data, false)
-    }
-}
-
-/// The headers above the names of the rows.
-fn row_headers(data: &TableData) -> Vec<String> {
-    data.row_keys.iter().map(axis::key_label).collect()
-}
-
-/// The grid of rows by columns, with the paper's values below each row of ours.
-fn matrix(data: &TableData) -> Grid {
-    let mut headers = row_headers(data);
-    let compares = compares(data);
-    let has_demo = data
-        .rows
-        .iter()
-        .any(|row| row.demo.or(row.paper_demo).is_some());
-    if compares {
-        headers.push(String::new());
-    }
-    let names = headers.len();
-    if has_demo {
-        headers.push("Demo".to_owned());
-    }
-    headers.extend(data.columns.iter().map(|column| column.text.clone()));
-    let demo = |value: Option<f64>| has_demo.then(|| value.map_or(String::new(), alone));
-    let mut rows = Vec::new();
-    for row in &data.rows {
-        let mut ours = row.labels.clone();
-        if compares {
-            ours.push("ours".to_owned());
-        }
-        ours.extend(demo(row.demo));
-        ours.extend(row.cells.iter().map(|cell| match cell {
-            None => String::new(),
-            Some(cell) if cell.seeds < cell.planned => {
-                format!("{} ({})", our_value(cell), of(cell))
-            }
-            Some(cell) => our_value(cell),
-        }));
-        rows.push(ours);
-        if compares {
-            let mut paper = vec![String::new(); row.labels.len()];
-            paper.push("paper".to_owned());
-            paper.extend(demo(row.paper_demo));
-            paper.extend(row.cells.iter().map(|cell| paper_value(cell.as_ref())));
-            rows.push(paper);
-        }
-    }
-    let numeric = (0..headers.len()).map(|column| column >= names).collect();
-    Grid {
-        headers,
-        rows,
-        names,
-        numeric,
-    }
-}
-
-/// The grid of one row per cell, with each seed's value where `each_seed` asks for it.
-fn list(data: &TableData, each_seed: bool) -> Grid {
-    let several = data.columns.len() > 1;
-    let has = |what: fn(&Cell) -> bool| {
-        data.rows
-            .iter()
-            .any(|row| row.cells.iter().flatten().any(what))
-    };
-    let (compares, differs) = (
-        has(|cell| cell.paper.is_some()),
-        has(|cell| cell.comparison.is_some()),
-    );
-    // With as many seeds as the paper has, the expected best is simply the best one.
-    let expects = has(|cell| cell.seeds > PaperValue::SEEDS && cell.comparison.is_some());
-    let mut headers = row_headers(data);
-    if several {
-        headers.extend(data.column_keys.first().map(axis::key_label));
-    }
-    let names = headers.len();
-    let asked = [
-        ("ours", true),
-        ("seeds", true),
-        ("each seed", each_seed),
-        ("best seed", true),
-        ("expected best", expects),
-        ("paper", compares),
-        ("difference", differs),
-        ("verdict", compares),
-    ];
-    headers.extend(
-        asked
-            .into_iter()
-            .filter(|(_, shown)| *shown)
-            .map(|(header, _)| header.to_owned()),
-    );
-    let mut rows = Vec::new();
-    for row in &data.rows {
-        for (column, cell) in data.columns.iter().zip(&row.cells) {
-            let Some(cell) = cell else { continue };
-            let mut line = row.labels.clone();
-            if several {
-                line.push(column.text.clone());
-            }
-            line.extend([our_value(cell), of(cell)]);
-            if each_seed {
-                line.push(
-                    cell.values
-                        .iter()
-                        .map(|(_, value)| alone(*value))
-                        .collect::<Vec<_>>()
-                        .join(", "),
-                );
-            }
-            line.push(cell.best.map_or(String::new(), |best| {
-                plus_minus(best.mean, best.std, OUR_DECIMALS)
-            }));
-            if expects {
-                let expected = cell
-                    .comparison
-                    .as_ref()
-                    .and_then(|comparison| comparison.expected_best);
-                line.push(expected.map_or(String::new(), alone));
-            }
-            if compares {
-                line.push(paper_value(Some(cell)));
-                if differs {
-                    let interval = cell.comparison.as_ref().map(Comparison::interval);
-                    line.push(interval.map_or(String::new(), |(low, high)| between(low, high)));
-                }
-                line.push(
-                    cell.verdict
-                        .as_ref()
-                        .map_or(String::new(), |verdict| verdict.text()),
-                );
-            }
-            rows.push(line);
-        }
-    }
-    let numeric = headers
-        .iter()
-        .enumerate()
-        .map(|(column, header)| column >= names && header != "verdict")
-        .collect();
-    Grid {
-        headers,
-        rows,
-        names,
-        numeric,
-    }
-}
-
-fn our_value(cell: &Cell) -> String {
-    match cell.ours {
-        None => "–".to_owned(),
-        Some(ours) if cell.seeds < 2 => alone(ours.mean),
-        Some(ours) => plus_minus(ours.mean, (ours.high - ours.low) / 2.0, OUR_DECIMALS),
-    }
-}
-
-fn paper_value(cell: Option<&Cell>) -> String {
-    let paper = cell.and_then(|cell| cell.paper);
-    paper.map_or(String::new(), |paper| {
-        plus_minus(paper.mean, paper.std, PAPER_DECIMALS)
-    })
-}
-
-/// The seeds of a cell, as `4 of 5 seeds`, or `5 seeds` where none is missing.
-fn of(cell: &Cell) -> String {
-    if cell.seeds < cell.planned {
-        format!("{} of {}", cell.seeds, amount::count(cell.planned, "seed"))
-    } else {
-        amount::count(cell.seeds, "seed")
-    }
-}
-
-fn markdown_grid(grid: &Grid) -> String {
-    let escaped = |cell: &String| escape::markdown(cell);
-    let lines: Vec<Vec<String>> = [&grid.headers]
-        .into_iter()
-        .chain(&grid.rows)
-        .map(|row| row.iter().map(escaped).collect())
-        .collect();
-    let width = |column: usize| {
-        lines
-            .iter()
-            .map(|line| line[column].chars().count())
-            .max()
-            .unwrap_or(0)
-            .max(3)
-    };
-    let widths: Vec<usize> = (0..grid.headers.len()).map(width).collect();
-    let mut text = String::new();
-    for (index, line) in lines.iter().enumerate() {
-        for (column, (cell, &width)) in line.iter().zip(&widths).enumerate() {
-            let padded = if grid.numeric[column] {
-                format!("{cell:>width$}")
-            } else {
-                format!("{cell:<width$}")
-            };
-            text.push_str(&format!("| {padded} "));
-        }
-        text.push_str("|\n");
-        if index == 0 {
-            for (column, width) in widths.iter().enumerate() {
-                let rule = "-".repeat(width - 1);
-                text.push_str(&if grid.numeric[column] {
-                    format!("| {rule}: ")
-                } else {
-                    format!("| :{rule} ")
-                });
-            }
-            text.push_str("|\n");
-        }
-    }
-    text
 }
 
 #[cfg(test)]
