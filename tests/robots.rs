@@ -413,6 +413,53 @@ fn what_is_recorded_needs_neither_file() {
 }
 
 #[test]
+fn what_another_model_left_is_not_taken_for_this_one_s() {
+    let folder = example();
+    let program = |arguments: &[&str]| {
+        let output = Command::new(env!("CARGO_BIN_EXE_mcpo-run"))
+            .args(arguments)
+            .args(["--set", "budget.env_steps=2048"])
+            .current_dir(folder.path())
+            .output()
+            .expect("it starts");
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        let text = text + &String::from_utf8_lossy(&output.stderr);
+        (output.status.success(), text)
+    };
+    let of = |seed: &str| format!("env=Sled,algorithm=ppo,reward=dense,seed={seed}");
+    let run = |seed: &str| program(&["run", "robot.toml", "--only", &of(seed), "--quiet"]);
+    let report = || program(&["report", "robot.toml", "--only", &of("0,seed=1")]).1;
+    let (ran, text) = run("0");
+    assert!(ran, "{text}");
+
+    let model = folder.path().join("robot.xml");
+    let before = fs::read_to_string(&model).expect("it was copied");
+    let changed = before.replace("density=\"500\"", "density=\"400\"");
+    assert_ne!(changed, before);
+    fs::write(&model, &changed).expect("written");
+    let (ran, text) = run("0");
+    let told = "it differs in env.model: \"robot.xml\" (content ";
+    assert!(!ran && text.contains(told), "{text}");
+    assert!(!text.contains("versions"), "told once: {text}");
+    let text = report();
+    let none = "0 of 2 runs finished; 1 was recorded with another `env.model`";
+    assert!(text.contains(none), "{text}");
+
+    // Beside the old one, the new one is the file's.
+    let (ran, text) = run("1");
+    assert!(ran, "{text}");
+    let one = "1 of 2 runs finished; 1 was recorded with another `env.model`";
+    let text = report();
+    assert!(text.contains(one), "{text}");
+    fs::write(&model, before).expect("written");
+    let text = report();
+    assert!(
+        text.contains(one),
+        "with the old file, the old one is: {text}"
+    );
+}
+
+#[test]
 fn the_documentation_says_what_the_program_does() {
     let source = Path::new(env!("CARGO_MANIFEST_DIR"));
     let text = fs::read_to_string(source.join("experiments/environments.md")).expect("it is there");

@@ -128,8 +128,19 @@ impl RunSpec {
 
 /// The values that decide training and differ between `recorded` and `wanted`, with both values, as
 /// in `mcpo.d: 0.001 -> 0.01`; empty if none differs.
+/// A user's model counts by its content too, as `env.model`.
 pub fn differences(recorded: &RunSpec, wanted: &RunSpec) -> Vec<String> {
-    told(&canonical(recorded), &canonical(wanted))
+    told(&with_content(recorded), &with_content(wanted))
+}
+
+/// The canonical lines of `run`, with the digest of a user's model beside its file's name.
+/// The canonical text itself has no place for it: fingerprints take it from the versions.
+fn with_content(run: &RunSpec) -> BTreeMap<String, String> {
+    let mut lines = canonical(run);
+    if let (Some(file), Some(digest)) = (lines.get_mut("env.model"), run.env.model_digest()) {
+        *file = format!("{file} (content {digest})");
+    }
+    lines
 }
 
 /// The differences in evaluation between `recorded` and `wanted`, in the same form as

@@ -12,7 +12,8 @@
 //! - the **demonstration**'s content: of the runs that learned from one path, those are kept whose
 //!   file had the most common content;
 //! - the **versions** of what computes numbers: of an algorithm's runs in an environment, those are
-//!   kept that the most common versions computed.
+//!   kept that the most common versions computed. The model of a user's robot is the file's to
+//!   decide, as the robot's table is.
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -2,6 +2,8 @@
 
 use std::cmp::Ordering;
 
+use serde_json::Value;
+
 use crate::{
     plan::{self, RunSpec},
     record::{Checkpoint, Claim, Heartbeat, Manifest, Outcome, RecordError, RunPaths, Stamp},
@@ -218,13 +220,22 @@ impl Planned {
             return None;
         }
         let mut keys = self.training_differences(&manifest.stamp);
-        let (before, after) = (&manifest.stamp.build.versions, &self.stamp.build.versions);
+        let (before, after) = (self.versions(&manifest.stamp), self.versions(&self.stamp));
         keys.extend((before != after).then(|| format!("versions: {before} -> {after}")));
         if keys.is_empty() {
             // Older programs recorded the demonstration in the fingerprint alone.
             keys.push(DEMONSTRATION.to_owned());
         }
         Some(RunState::Differs { keys })
+    }
+
+    /// The versions in `stamp`, without the model of a user's robot, which is told as a setting.
+    fn versions(&self, stamp: &Stamp) -> Value {
+        let mut versions = stamp.build.versions.clone();
+        if let Some(parts) = versions.as_object_mut().filter(|_| self.spec.env.is_own()) {
+            parts.remove("model");
+        }
+        versions
     }
 
     fn is_longer(&self, recorded: &Stamp, env_steps: u64) -> RunState {
