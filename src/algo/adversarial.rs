@@ -78,8 +78,7 @@ impl OnPolicy for Adversarial {
     }
 }
 
-/// The operations of an update: the discriminator's `updates`, the rewards, and the policy's
-/// update, `inner`.
+/// The operations of an update: the discriminator's, the rewards, and the policy's own, `inner`.
 pub(super) fn operations(
     updates: Count,
     inner: Vec<Operations>,

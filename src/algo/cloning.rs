@@ -33,15 +33,10 @@ pub static PART: Part = Part {
 /// Behaviour cloning alone as an algorithm of the catalogue.
 pub static BC: Definition<Hyperparameters> = Definition {
     about: About {
-        name: "bc",
-        label: "BC",
         demonstration: true,
-        dense: false,
         trains: false,
-        steps: None,
         passes: 0.0,
-        part: Some(&PART),
-        later: &[],
+        ..About::new("bc", "BC", &PART)
     },
     defaults: Hyperparameters::for_env,
     cloning: Some(|hyperparameters| hyperparameters),

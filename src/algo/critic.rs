@@ -4,7 +4,11 @@ use nalgebra::DMatrix;
 use rand::seq::SliceRandom;
 use serde::{Deserialize, Serialize};
 
-use super::{AlgoError, finite, revision::Part};
+use super::{
+    AlgoError, Batch, finite,
+    gae::{self, Advantages},
+    revision::Part,
+};
 use crate::{
     nn::{Mlp, Pass},
     quantity::{Count, Discount, NonNegative, Positive, UnitInterval, constant},
@@ -16,7 +20,7 @@ use crate::{
 pub static PART: Part = Part {
     name: "critic",
     revision: 1,
-    uses: &[],
+    uses: &[&gae::PART],
 };
 
 /// The value network of a second-order method, and the advantages whose baseline it is.
@@ -47,6 +51,18 @@ impl Hyperparameters {
             value_epochs: constant(10),
             minibatch: constant(minibatch),
         }
+    }
+
+    /// The advantages and returns of `rewards` (`[n]`) in `batch`, with `value` as baseline.
+    pub fn estimate(
+        &self,
+        batch: &Batch,
+        rewards: &[f64],
+        value: &Mlp,
+        pass: &mut Pass,
+    ) -> Advantages {
+        let (discount, lambda) = (self.discount.get(), self.gae_lambda.get());
+        gae::estimate(batch, rewards, value, discount, lambda, pass)
     }
 
     /// The fit of the value network.

@@ -58,6 +58,24 @@ pub struct About {
     pub later: &'static [(&'static str, &'static str)],
 }
 
+impl About {
+    /// An algorithm that learns from its own rollouts alone, on the environment's reward, at the
+    /// cost of PPO.
+    pub const fn new(name: &'static str, label: &'static str, part: &'static Part) -> Self {
+        Self {
+            name,
+            label,
+            demonstration: false,
+            dense: false,
+            trains: true,
+            steps: None,
+            passes: 60.0,
+            part: Some(part),
+            later: &[],
+        }
+    }
+}
+
 /// The data that an algorithm starts from.
 pub struct Start {
     /// The run's agent: untrained, or cloned where the definition says so.
@@ -79,6 +97,20 @@ impl Start {
             self.agent,
             self.demonstration.ok_or(AlgoError::NoDemonstration)?,
         ))
+    }
+
+    /// The learner that `build` makes of the agent, the demonstration and the seed.
+    ///
+    /// # Errors
+    ///
+    /// The definition asks for no demonstration.
+    pub fn imitate<T: OnPolicy + 'static>(
+        self,
+        build: impl FnOnce(Agent, &Demonstration, Seed) -> T,
+    ) -> Result<Learner, AlgoError> {
+        let seed = self.seed;
+        let (agent, demonstration) = self.with_demonstration()?;
+        Ok(Learner::on_policy(build(agent, &demonstration, seed)))
     }
 }
 

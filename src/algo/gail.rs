@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::{
     Agent,
     adversarial::{self, Adversarial},
-    definition::{About, Definition, Learner},
+    definition::{About, Definition},
     discriminator::{self, Discriminator},
     pofd::PolicyUpdate,
     ppo,
@@ -32,27 +32,14 @@ pub static PART: Part = Part {
 /// GAIL as an algorithm of the catalogue.
 pub static GAIL: Definition<Hyperparameters> = Definition {
     about: About {
-        name: "gail",
-        label: "GAIL",
         demonstration: true,
-        dense: false,
-        trains: true,
-        steps: None,
-        passes: 60.0,
-        part: Some(&PART),
-        later: &[],
+        ..About::new("gail", "GAIL", &PART)
     },
     defaults: Hyperparameters::for_env,
     cloning: None,
     start: |hyperparameters, start| {
-        let seed = start.seed;
-        let (agent, demonstration) = start.with_demonstration()?;
-        Ok(Learner::on_policy(gail(
-            hyperparameters,
-            agent,
-            &demonstration,
-            seed,
-        )))
+        start
+            .imitate(|agent, demonstration, seed| gail(hyperparameters, agent, demonstration, seed))
     },
     operations: |h, counter| {
         let inner = h.policy_update.operations(&h.ppo, &h.trpo, counter);

@@ -37,8 +37,8 @@ use serde::{Deserialize, Serialize};
 use super::{
     Agent, AlgoError, Batch, OnPolicy, Update,
     critic::{self, Critic},
-    definition::{About, Definition, Learner},
-    finite, gae,
+    definition::{About, Definition},
+    finite,
     mimicry::{self, Mimicry, Samples},
     operations::{Counter, Operations},
     revision::Part,
@@ -60,39 +60,25 @@ use iteration::Iteration;
 pub static PART: Part = Part {
     name: "mcpo",
     revision: 2,
-    uses: &[
-        &critic::PART,
-        &gae::PART,
-        &mimicry::PART,
-        &trust_region::PART,
-    ],
+    uses: &[&critic::PART, &mimicry::PART, &trust_region::PART],
 };
 
 /// MCPO as an algorithm of the catalogue. Its iteration is Table 1's batch, since the tolerance
 /// grows by the iteration.
 pub static MCPO: Definition<Hyperparameters> = Definition {
     about: About {
-        name: "mcpo",
-        label: "MCPO",
         demonstration: true,
-        dense: false,
-        trains: true,
         steps: Some(1024),
         passes: 50.0,
-        part: Some(&PART),
         later: &[("max_corrections", "0"), ("recovery_depth", "1")],
+        ..About::new("mcpo", "MCPO", &PART)
     },
     defaults: Hyperparameters::for_env,
     cloning: None,
     start: |hyperparameters, start| {
-        let seed = start.seed;
-        let (agent, demonstration) = start.with_demonstration()?;
-        Ok(Learner::on_policy(Mcpo::new(
-            hyperparameters,
-            agent,
-            &demonstration,
-            seed,
-        )))
+        start.imitate(|agent, demonstration, seed| {
+            Mcpo::new(hyperparameters, agent, demonstration, seed)
+        })
     },
     operations,
 };
@@ -197,15 +183,9 @@ impl OnPolicy for Mcpo {
             trial_pass,
         } = self;
         let mut watch = Stopwatch::start();
-        let (discount, lambda) = (h.critic.discount.get(), h.critic.gae_lambda.get());
-        let estimate = gae::estimate(
-            batch,
-            &batch.rewards,
-            &agent.value,
-            discount,
-            lambda,
-            trial_pass,
-        );
+        let estimate = h
+            .critic
+            .estimate(batch, &batch.rewards, &agent.value, trial_pass);
         watch.lap("advantages");
 
         // Eq. (5): g is the gradient of the loss, the surrogate's with the other sign; b and D are

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     Agent, AlgoError, Batch, OnPolicy, Update,
-    definition::{About, Definition, Learner},
+    definition::{About, Definition},
     finite, mimicry,
     mimicry::{Mimicry, Samples},
     operations::{Counter, Operations},
@@ -38,27 +38,16 @@ pub static PART: Part = Part {
 /// MMD imitation as an algorithm of the catalogue.
 pub static MMD_IL: Definition<Hyperparameters> = Definition {
     about: About {
-        name: "mmd_il",
-        label: "MMD-IL",
         demonstration: true,
-        dense: false,
-        trains: true,
-        steps: None,
         passes: 50.0,
-        part: Some(&PART),
-        later: &[],
+        ..About::new("mmd_il", "MMD-IL", &PART)
     },
     defaults: Hyperparameters::for_env,
     cloning: None,
     start: |hyperparameters, start| {
-        let seed = start.seed;
-        let (agent, demonstration) = start.with_demonstration()?;
-        Ok(Learner::on_policy(MmdIl::new(
-            hyperparameters,
-            agent,
-            &demonstration,
-            seed,
-        )))
+        start.imitate(|agent, demonstration, seed| {
+            MmdIl::new(hyperparameters, agent, demonstration, seed)
+        })
     },
     operations,
 };

@@ -13,8 +13,8 @@ use serde::{Deserialize, Serialize};
 use super::{
     Agent, AlgoError, Batch, OnPolicy, Update,
     critic::{self, Critic},
-    definition::{About, Definition, Learner},
-    finite, gae, mimicry,
+    definition::{About, Definition},
+    finite, mimicry,
     mimicry::Mimicry,
     revision::Part,
     stopwatch::Stopwatch,
@@ -35,7 +35,6 @@ pub static PART: Part = Part {
     revision: 1,
     uses: &[
         &critic::PART,
-        &gae::PART,
         &mimicry::PART,
         &trpo::PART,
         &trust_region::PART,
@@ -45,27 +44,15 @@ pub static PART: Part = Part {
 /// The penalty method as an algorithm of the catalogue.
 pub static PENALTY: Definition<Hyperparameters> = Definition {
     about: About {
-        name: "penalty",
-        label: "Penalty",
         demonstration: true,
-        dense: false,
-        trains: true,
-        steps: None,
-        passes: 60.0,
-        part: Some(&PART),
-        later: &[],
+        ..About::new("penalty", "Penalty", &PART)
     },
     defaults: Hyperparameters::for_env,
     cloning: None,
     start: |hyperparameters, start| {
-        let seed = start.seed;
-        let (agent, demonstration) = start.with_demonstration()?;
-        Ok(Learner::on_policy(Penalty::new(
-            hyperparameters,
-            agent,
-            &demonstration,
-            seed,
-        )))
+        start.imitate(|agent, demonstration, seed| {
+            Penalty::new(hyperparameters, agent, demonstration, seed)
+        })
     },
     operations: |h, counter| {
         let trials = counter.trials(h.trpo.region.line_search_steps);
@@ -177,15 +164,7 @@ impl OnPolicy for Penalty {
         } = self;
         let trpo::Hyperparameters { region, critic: c } = &hyperparameters.trpo;
         let mut watch = Stopwatch::start();
-        let (discount, lambda) = (c.discount.get(), c.gae_lambda.get());
-        let estimate = gae::estimate(
-            batch,
-            &batch.rewards,
-            &agent.value,
-            discount,
-            lambda,
-            trial_pass,
-        );
+        let estimate = c.estimate(batch, &batch.rewards, &agent.value, trial_pass);
         watch.lap("advantages");
 
         let surrogate = Surrogate::new(&agent.policy, batch, &estimate.advantages, pass);

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use super::{
     Agent, OnPolicy,
     adversarial::{self, Adversarial},
-    definition::{About, Definition, Learner},
+    definition::{About, Definition},
     discriminator::{self, Discriminator},
     operations::{Counter, Operations},
     ppo::{self, Ppo},
@@ -42,27 +42,14 @@ pub static PART: Part = Part {
 /// POfD as an algorithm of the catalogue.
 pub static POFD: Definition<Hyperparameters> = Definition {
     about: About {
-        name: "pofd",
-        label: "POfD",
         demonstration: true,
-        dense: false,
-        trains: true,
-        steps: None,
-        passes: 60.0,
-        part: Some(&PART),
-        later: &[],
+        ..About::new("pofd", "POfD", &PART)
     },
     defaults: Hyperparameters::for_env,
     cloning: None,
     start: |hyperparameters, start| {
-        let seed = start.seed;
-        let (agent, demonstration) = start.with_demonstration()?;
-        Ok(Learner::on_policy(pofd(
-            hyperparameters,
-            agent,
-            &demonstration,
-            seed,
-        )))
+        start
+            .imitate(|agent, demonstration, seed| pofd(hyperparameters, agent, demonstration, seed))
     },
     operations: |h, counter| {
         let inner = h.policy_update.operations(&h.ppo, &h.trpo, counter);

@@ -34,15 +34,8 @@ pub static PART: Part = Part {
 /// Pre-training as an algorithm of the catalogue.
 pub static PRETRAINING: Definition<Hyperparameters> = Definition {
     about: About {
-        name: "pretraining",
-        label: "Pre-training",
         demonstration: true,
-        dense: false,
-        trains: true,
-        steps: None,
-        passes: 60.0,
-        part: Some(&PART),
-        later: &[],
+        ..About::new("pretraining", "Pre-training", &PART)
     },
     defaults: Hyperparameters::for_env,
     cloning: Some(|hyperparameters| &hyperparameters.cloning),

@@ -9,7 +9,7 @@ use super::{
     Agent, AlgoError, Batch, OnPolicy, Update,
     critic::{self, Critic},
     definition::{About, Definition, Learner},
-    finite, gae,
+    finite,
     operations::{Counter, Operations},
     revision::Part,
     stopwatch::Stopwatch,
@@ -21,21 +21,14 @@ use crate::{env::EnvId, nn::Pass, rng::Rng};
 pub static PART: Part = Part {
     name: "trpo",
     revision: 1,
-    uses: &[&critic::PART, &gae::PART, &trust_region::PART],
+    uses: &[&critic::PART, &trust_region::PART],
 };
 
 /// TRPO as an algorithm of the catalogue.
 pub static TRPO: Definition<Hyperparameters> = Definition {
     about: About {
-        name: "trpo",
-        label: "TRPO",
-        demonstration: false,
-        dense: false,
-        trains: true,
-        steps: None,
         passes: 50.0,
-        part: Some(&PART),
-        later: &[],
+        ..About::new("trpo", "TRPO", &PART)
     },
     defaults: Hyperparameters::for_env,
     cloning: None,
@@ -123,15 +116,7 @@ impl OnPolicy for Trpo {
         } = self;
         let Hyperparameters { region, critic: c } = h;
         let mut watch = Stopwatch::start();
-        let (discount, lambda) = (c.discount.get(), c.gae_lambda.get());
-        let estimate = gae::estimate(
-            batch,
-            &batch.rewards,
-            &agent.value,
-            discount,
-            lambda,
-            trial_pass,
-        );
+        let estimate = c.estimate(batch, &batch.rewards, &agent.value, trial_pass);
         watch.lap("advantages");
 
         let surrogate = Surrogate::new(&agent.policy, batch, &estimate.advantages, pass);

@@ -39,17 +39,7 @@ static PART: Part = Part {
 
 /// AWR as an algorithm of the catalogue.
 pub static AWR: Definition<Hyperparameters> = Definition {
-    about: About {
-        name: "awr",
-        label: "AWR",
-        demonstration: false,
-        dense: false,
-        trains: true,
-        steps: None,
-        passes: 60.0,
-        part: Some(&PART),
-        later: &[],
-    },
+    about: About::new("awr", "AWR", &PART),
     defaults: |_| Hyperparameters {
         temperature: constant(1.0),
         learning_rate: constant(1e-3),
