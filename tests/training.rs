@@ -21,6 +21,15 @@ struct Memory {
     checkpoint: Option<Vec<u8>>,
 }
 
+impl Memory {
+    /// Asserts that `other` has the same iterations, evaluations and policies, to the bit.
+    fn assert_is(&self, other: &Self, case: &str) {
+        assert_eq!(self.iterations, other.iterations, "{case}");
+        assert_eq!(self.evaluations, other.evaluations, "{case}");
+        assert_eq!(self.policies, other.policies, "{case}");
+    }
+}
+
 impl RunSink for Memory {
     fn iteration(
         &mut self,
@@ -130,18 +139,7 @@ fn every_algorithm_repeats_and_resumes_bit_for_bit() {
             trained(&spec, Some(&checkpoint), &mut resumed),
             Ending::Finished
         );
-        assert_eq!(
-            whole.iterations, resumed.iterations,
-            "{algorithm} resumes as another run"
-        );
-        assert_eq!(
-            whole.evaluations, resumed.evaluations,
-            "{algorithm} resumes as another run"
-        );
-        assert_eq!(
-            whole.policies, resumed.policies,
-            "{algorithm} resumes as another run"
-        );
+        whole.assert_is(&resumed, &format!("{algorithm} resumes as another run"));
     }
 }
 
@@ -170,18 +168,7 @@ fn every_algorithm_goes_on_from_the_end_of_a_shorter_run_as_the_longer_one_bit_f
             extended.policies.retain(|(_, last, _)| !last);
             let checkpoint = extended.checkpoint.take().expect("it has iterations");
             trained(&long, Some(&checkpoint), &mut extended);
-            assert_eq!(
-                whole.iterations, extended.iterations,
-                "{algorithm} goes on as another run"
-            );
-            assert_eq!(
-                whole.evaluations, extended.evaluations,
-                "{algorithm} is evaluated as another run"
-            );
-            assert_eq!(
-                whole.policies, extended.policies,
-                "{algorithm} goes on as another run"
-            );
+            whole.assert_is(&extended, &format!("{algorithm} goes on as another run"));
         }
     }
 }
@@ -220,18 +207,7 @@ fn threads_share_the_work_without_changing_a_bit() {
             let mut memory = Memory::default();
             trained(&spec, None, &mut memory);
             if let Some(one) = &one {
-                assert_eq!(
-                    one.iterations, memory.iterations,
-                    "{algorithm} with {count} threads"
-                );
-                assert_eq!(
-                    one.evaluations, memory.evaluations,
-                    "{algorithm} with {count} threads"
-                );
-                assert_eq!(
-                    one.policies, memory.policies,
-                    "{algorithm} with {count} threads"
-                );
+                one.assert_is(&memory, &format!("{algorithm} with {count} threads"));
             } else {
                 one = Some(memory);
             }

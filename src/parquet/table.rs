@@ -4,7 +4,7 @@ use nalgebra::DMatrix;
 
 use super::{
     cells::Cells,
-    footer::{Footer, Physical},
+    footer::{Footer, Leaf, Physical},
     pages::{Column, read_chunk},
     values::{Budget, Values},
 };
@@ -94,8 +94,8 @@ impl Table {
         }
     }
 
-    /// The cells of column `name`, which has at most one value a row.
-    pub(crate) fn cells(&self, name: &str) -> Result<Cells, String> {
+    /// The place of column `name` among the leaves, its first leaf, and whether that is the only one.
+    fn leaf(&self, name: &str) -> Result<(usize, &Leaf, bool), String> {
         let mut leaves = self
             .footer
             .leaves
@@ -103,9 +103,15 @@ impl Table {
             .enumerate()
             .filter(|(_, leaf)| leaf.column == name);
         let (place, leaf) = leaves.next().ok_or_else(|| self.no_column(name))?;
+        Ok((place, leaf, leaves.next().is_none()))
+    }
+
+    /// The cells of column `name`, which has at most one value a row.
+    pub(crate) fn cells(&self, name: &str) -> Result<Cells, String> {
+        let (place, leaf, alone) = self.leaf(name)?;
         let physical = leaf
             .physical
-            .filter(|_| leaf.plain && leaf.max_repetition == 0 && leaves.next().is_none());
+            .filter(|_| leaf.plain && leaf.max_repetition == 0 && alone);
         let physical =
             physical.ok_or_else(|| wrong_type(name, "structures or lists", "single values"))?;
         let budget = Budget {
@@ -170,14 +176,8 @@ impl Table {
         lists: u32,
         expected: &str,
     ) -> Result<(Values, Vec<usize>), String> {
-        let mut leaves = self
-            .footer
-            .leaves
-            .iter()
-            .enumerate()
-            .filter(|(_, leaf)| leaf.column == name);
-        let (place, leaf) = leaves.next().ok_or_else(|| self.no_column(name))?;
-        if !leaf.plain || leaves.next().is_some() {
+        let (place, leaf, alone) = self.leaf(name)?;
+        if !leaf.plain || !alone {
             return Err(wrong_type(name, "structures or nested lists", expected));
         }
         let Some(physical) = leaf

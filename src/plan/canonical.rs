@@ -132,24 +132,25 @@ fn json(text: &str) -> Value {
 
 /// Adds the lines of `value`, whose key is `key`.
 fn flatten(key: String, value: &Value, lines: &mut BTreeMap<String, String>) {
+    lines.extend(leaves(key, value).map(|(key, leaf)| (key, text(leaf))));
+}
+
+/// The values within `value`, whose key is `key`, by their dotted keys; absent ones are left out.
+pub(crate) fn leaves(
+    key: String,
+    value: &Value,
+) -> Box<dyn Iterator<Item = (String, &Value)> + '_> {
     match value {
-        Value::Object(fields) => {
-            for (name, value) in fields {
-                flatten(
-                    if key.is_empty() {
-                        name.clone()
-                    } else {
-                        format!("{key}.{name}")
-                    },
-                    value,
-                    lines,
-                );
-            }
-        }
-        Value::Null => {}
-        leaf => {
-            lines.insert(key, text(leaf));
-        }
+        Value::Object(fields) => Box::new(fields.iter().flat_map(move |(name, value)| {
+            let key = if key.is_empty() {
+                name.clone()
+            } else {
+                format!("{key}.{name}")
+            };
+            leaves(key, value)
+        })),
+        Value::Null => Box::new(std::iter::empty()),
+        leaf => Box::new(std::iter::once((key, leaf))),
     }
 }
 

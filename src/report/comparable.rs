@@ -15,7 +15,7 @@
 //!   kept that the most common versions computed. The model of a user's robot is the file's to
 //!   decide, as the robot's table is.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use super::recorded::{Recording, Run, State};
 use crate::plan::{self, RunSpec};
@@ -201,43 +201,13 @@ fn most_common(
 
 /// The differences between two sets of versions, which are given as JSON.
 fn versions(recorded: &str, common: &str) -> Vec<String> {
-    let read = |text: &str| {
-        let mut leaves = BTreeMap::new();
-        flatten(
-            "versions",
-            serde_json::from_str(text).unwrap_or_default(),
-            &mut leaves,
-        );
-        leaves
+    let read = |text: &str| -> BTreeMap<String, String> {
+        let versions = serde_json::from_str(text).unwrap_or_default();
+        plan::leaves("versions".to_owned(), &versions)
+            .map(|(key, leaf)| (key, leaf.to_string()))
+            .collect()
     };
-    let (before, after) = (read(recorded), read(common));
-    let show = |value: Option<&String>| value.map_or("absent", String::as_str).to_owned();
-    let keys: BTreeSet<&String> = before.keys().chain(after.keys()).collect();
-    let differing = keys
-        .into_iter()
-        .filter(|key| before.get(*key) != after.get(*key));
-    differing
-        .map(|key| {
-            format!(
-                "{key}: {} -> {}",
-                show(before.get(key)),
-                show(after.get(key))
-            )
-        })
-        .collect()
-}
-
-fn flatten(key: &str, value: serde_json::Value, leaves: &mut BTreeMap<String, String>) {
-    match value {
-        serde_json::Value::Object(fields) => {
-            fields
-                .into_iter()
-                .for_each(|(name, value)| flatten(&format!("{key}.{name}"), value, leaves));
-        }
-        leaf => {
-            leaves.insert(key.to_owned(), leaf.to_string());
-        }
-    }
+    plan::changes(&read(recorded), &read(common))
 }
 
 #[cfg(test)]

@@ -5,21 +5,12 @@ use std::{env, fs, path::Path, process::Command};
 
 use mcpo_run::spec::{self, Overrides, Place};
 
-use super::{LEAST, runs};
+use super::{LEAST, overrides, runs};
 
 fn refused(set: &[&str], axis: &[&str]) -> Vec<(String, String)> {
-    let owned = |arguments: &[&str]| {
-        arguments
-            .iter()
-            .map(|argument| (*argument).to_owned())
-            .collect()
-    };
-    let overrides = Overrides {
-        set: owned(set),
-        axis: owned(axis),
-    };
     let text = format!("{LEAST}d = [0.1]\n");
-    let errors = spec::parse(Path::new("test.toml"), &text, &overrides).expect_err("a mistake");
+    let errors =
+        spec::parse(Path::new("test.toml"), &text, &overrides(set, axis)).expect_err("a mistake");
     let told = |error: &spec::SpecError| {
         let Place::Layer(layer) = &error.place else {
             panic!("blamed on the file: {error}")

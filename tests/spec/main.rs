@@ -28,22 +28,26 @@ fn parse(text: &str) -> Result<ExperimentSpec, SpecErrors> {
     spec::parse(Path::new("test.toml"), text, &Overrides::default())
 }
 
-/// The plan of [`LEAST`] with `more` behind it, under `--set` and `--axis`.
-fn runs(more: &str, set: &[&str], axis: &[&str]) -> Vec<RunSpec> {
+/// What `--set` and `--axis` say.
+fn overrides(set: &[&str], axis: &[&str]) -> Overrides {
     let owned = |arguments: &[&str]| {
         arguments
             .iter()
             .map(|argument| (*argument).to_owned())
             .collect()
     };
-    let overrides = Overrides {
+    Overrides {
         set: owned(set),
         axis: owned(axis),
-    };
+    }
+}
+
+/// The plan of [`LEAST`] with `more` behind it, under `--set` and `--axis`.
+fn runs(more: &str, set: &[&str], axis: &[&str]) -> Vec<RunSpec> {
     let spec = spec::parse(
         Path::new("test.toml"),
         &format!("{LEAST}{more}"),
-        &overrides,
+        &overrides(set, axis),
     )
     .expect("a valid experiment");
     plan(&spec).expect("a valid experiment has a plan")

@@ -10,6 +10,7 @@ use serde_json::Value;
 
 use crate::{
     measured::{Column, Iteration, Measure, Role, progress},
+    plan,
     report::{
         over_seeds::values_of,
         recorded::{Recording, Run},
@@ -115,15 +116,12 @@ fn start(run: &Run) -> Message {
             .into_iter()
             .filter(|(name, _)| !NAMES.contains(&name.as_str()))
         {
-            flatten(
-                if name == "algorithm" {
-                    String::new()
-                } else {
-                    name
-                },
-                &value,
-                &mut settings,
-            );
+            let key = if name == "algorithm" {
+                String::new()
+            } else {
+                name
+            };
+            settings.extend(plan::leaves(key, &value).map(|(key, leaf)| (key, leaf.clone())));
         }
     }
     settings.insert(
@@ -156,29 +154,6 @@ fn start(run: &Run) -> Message {
         .fold(Message::default(), entry)
         .bytes(4, group.as_bytes());
     hparams("session_start_info", 3, &info)
-}
-
-/// The leaves of `value` by their paths.
-fn flatten(key: String, value: &Value, leaves: &mut BTreeMap<String, Value>) {
-    match value {
-        Value::Object(fields) => {
-            for (name, value) in fields {
-                flatten(
-                    if key.is_empty() {
-                        name.clone()
-                    } else {
-                        format!("{key}.{name}")
-                    },
-                    value,
-                    leaves,
-                );
-            }
-        }
-        Value::Null => {}
-        leaf => {
-            leaves.insert(key, leaf.clone());
-        }
-    }
 }
 
 /// A summary value of the plugin for hyperparameters: its data are in the metadata, beside an empty
