@@ -19,6 +19,7 @@ pub mod cli;
 pub mod demo;
 pub mod env;
 pub mod escape;
+pub mod fit;
 mod intake;
 pub mod measured;
 pub mod nn;

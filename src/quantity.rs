@@ -5,7 +5,10 @@
 
 use std::fmt;
 
-use serde::{Deserialize, Serialize};
+use serde::{
+    Deserialize, Deserializer, Serialize,
+    de::{Error, Unexpected},
+};
 
 /// A number outside the range of its type.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -15,11 +18,18 @@ pub struct OutOfRange {
     expected: &'static str,
 }
 
+impl OutOfRange {
+    /// The same as an error of serde's.
+    pub fn refusal<E: Error>(&self) -> E {
+        E::invalid_value(Unexpected::Float(self.value), &self.expected)
+    }
+}
+
 macro_rules! bounded {
     ($(#[$doc:meta])* $name:ident, $expected:literal, $test:expr, $($bound:literal = $limit:literal),+) => {
         $(#[$doc])*
-        #[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Serialize, Deserialize, schemars::JsonSchema)]
-        #[serde(try_from = "f64", into = "f64")]
+        #[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Serialize, schemars::JsonSchema)]
+        #[serde(into = "f64")]
         #[schemars(extend($($bound = $limit),+))]
         pub struct $name(f64);
 
@@ -42,6 +52,12 @@ macro_rules! bounded {
         impl From<$name> for f64 {
             fn from(quantity: $name) -> f64 {
                 quantity.0
+            }
+        }
+
+        impl<'de> Deserialize<'de> for $name {
+            fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+                Self::try_from(f64::deserialize(deserializer)?).map_err(|error| error.refusal())
             }
         }
 
@@ -72,19 +88,9 @@ bounded! {
 
 /// A whole number of things, or none.
 #[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    PartialOrd,
-    Ord,
-    Hash,
-    Serialize,
-    Deserialize,
-    schemars::JsonSchema,
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, schemars::JsonSchema,
 )]
-#[serde(try_from = "i64", into = "i64")]
+#[serde(into = "i64")]
 pub struct CountOrNone(u64);
 
 impl CountOrNone {
@@ -111,6 +117,12 @@ impl TryFrom<i64> for CountOrNone {
     }
 }
 
+impl<'de> Deserialize<'de> for CountOrNone {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        whole(deserializer)
+    }
+}
+
 impl From<CountOrNone> for i64 {
     fn from(count: CountOrNone) -> i64 {
         count.0 as i64
@@ -122,19 +134,9 @@ pub type EnvSteps = Count;
 
 /// A whole number of things, at least one.
 #[derive(
-    Debug,
-    Clone,
-    Copy,
-    PartialEq,
-    Eq,
-    PartialOrd,
-    Ord,
-    Hash,
-    Serialize,
-    Deserialize,
-    schemars::JsonSchema,
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, schemars::JsonSchema,
 )]
-#[serde(try_from = "i64", into = "i64")]
+#[serde(into = "i64")]
 #[schemars(extend("minimum" = 1))]
 pub struct Count(u64);
 
@@ -164,6 +166,12 @@ impl TryFrom<i64> for Count {
     }
 }
 
+impl<'de> Deserialize<'de> for Count {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        whole(deserializer)
+    }
+}
+
 impl From<Count> for i64 {
     fn from(count: Count) -> i64 {
         count.0 as i64
@@ -174,6 +182,16 @@ impl fmt::Display for Count {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.0.fmt(f)
     }
+}
+
+/// A bounded whole number as serde reads it.
+fn whole<'de, D: Deserializer<'de>, T>(deserializer: D) -> Result<T, D::Error>
+where
+    T: TryFrom<i64, Error = OutOfRange>,
+{
+    let value = i64::deserialize(deserializer)?;
+    T::try_from(value)
+        .map_err(|error| D::Error::invalid_value(Unexpected::Signed(value), &error.expected))
 }
 
 /// The bounded number `value`, for defaults in code; panics when it is out of range, since that is

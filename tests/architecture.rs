@@ -24,6 +24,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("rng", &[]),
     ("quantity", &[]),
     ("escape", &[]),
+    ("fit", &[]),
     ("intake", &[]),
     ("parquet", &[]),
     ("arithmetic", &[]),
@@ -41,6 +42,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
             "arithmetic",
             "demo",
             "env",
+            "fit",
             "nn",
             "solver",
             "quantity",
@@ -51,7 +53,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     (
         "spec",
         &[
-            "algo", "demo", "env", "intake", "measured", "nn", "quantity", "rng",
+            "algo", "demo", "env", "fit", "intake", "measured", "nn", "quantity", "rng",
         ],
     ),
     ("plan", &["env", "spec", "quantity", "rng"]),

@@ -19,7 +19,10 @@ use super::{
     operations::{Counter, Operations},
     revision,
 };
-use crate::env::EnvId;
+use crate::{
+    env::EnvId,
+    fit::{self, Mistake},
+};
 
 /// An algorithm with its hyperparameters; a copy shares them.
 #[derive(Clone)]
@@ -36,15 +39,12 @@ pub trait Entry: Sync {
     /// The JSON Schema of its hyperparameters.
     fn schema(&self, generator: SchemaGenerator) -> Json;
 
-    /// The algorithm with the hyperparameters of a TOML document.
+    /// The algorithm with the hyperparameters in `table`.
     ///
     /// # Errors
     ///
-    /// A key is missing, unknown or out of range, with its place in the document.
-    fn read(
-        &'static self,
-        document: toml::de::Deserializer<'_>,
-    ) -> Result<Algorithm, toml::de::Error>;
+    /// A key is missing, unknown or out of range.
+    fn read(&'static self, table: toml::Table) -> Result<Algorithm, Mistake>;
 
     /// The algorithm with the hyperparameters in `value`.
     ///
@@ -67,11 +67,8 @@ impl<H: Tunable> Entry for Definition<H> {
         generator.into_root_schema_for::<H>().to_value()
     }
 
-    fn read(
-        &'static self,
-        document: toml::de::Deserializer<'_>,
-    ) -> Result<Algorithm, toml::de::Error> {
-        H::deserialize(document).map(|hyperparameters| self.with(hyperparameters))
+    fn read(&'static self, table: toml::Table) -> Result<Algorithm, Mistake> {
+        fit::read(table.into()).map(|hyperparameters| self.with(hyperparameters))
     }
 
     fn read_json(&'static self, value: Json) -> Result<Algorithm, serde_json::Error> {
@@ -125,13 +122,13 @@ impl Algorithm {
         self.0.toml()
     }
 
-    /// The algorithm called `name` with these hyperparameters.
+    /// The algorithm called `name` with these hyperparameters; `None` if no algorithm is called so.
     ///
     /// # Errors
     ///
-    /// There is no such algorithm, or a key is missing, unknown or out of range.
-    pub fn from_hyperparameters(name: &str, table: toml::Table) -> Result<Self, toml::de::Error> {
-        toml::Table::from_iter([(name.to_owned(), toml::Value::Table(table))]).try_into()
+    /// A key is missing, unknown or out of range.
+    pub fn from_hyperparameters(name: &str, table: toml::Table) -> Option<Result<Self, Mistake>> {
+        catalogue::find(name).map(|entry| entry.read(table))
     }
 
     /// The behaviour cloning of its agent before the first rollout; `None` if there is none.

@@ -121,7 +121,8 @@ mod tests {
         for name in Algorithm::names() {
             let algorithm = Algorithm::defaults(name, EnvId::Ant).expect("a known name");
             assert_eq!(algorithm.name(), name);
-            let again = Algorithm::from_hyperparameters(name, algorithm.hyperparameters());
+            let again = Algorithm::from_hyperparameters(name, algorithm.hyperparameters())
+                .expect("it is in the catalogue");
             assert_eq!(again.expect("defaults are complete"), algorithm);
             let text = serde_json::to_string(&algorithm).expect("JSON");
             assert_eq!(

@@ -63,7 +63,7 @@ impl<'de> de::Visitor<'de> for Written {
     fn visit_f64<E: de::Error>(self, value: f64) -> Result<Tolerance, E> {
         Positive::try_from(value)
             .map(Tolerance::Absolute)
-            .map_err(E::custom)
+            .map_err(|error| error.refusal())
     }
 
     fn visit_i64<E: de::Error>(self, value: i64) -> Result<Tolerance, E> {

@@ -13,8 +13,9 @@ use super::{
     layers,
     names::nearest_label,
     robots::{Robots, is_robots_alone},
-    source::{self, AxisList, Layer, Source, Step},
+    source::{self, AxisList, Layer, Source},
 };
+use crate::fit::{self, Step};
 
 /// Reads, merges and checks all layers. A given `text` stands in for the file's content;
 /// environment variables are then ignored.
@@ -147,7 +148,8 @@ fn build(
     let tables = list(merged.remove("tables"));
     let claims = list(merged.remove("claims"));
     let settings_tables = list(merged.remove("settings"));
-    let slurm = table(merged.remove("slurm")).try_into().unwrap_or_default(); // what was wrong in it is told
+    let slurm = table(merged.remove("slurm"));
+    let slurm = fit::read(slurm.into()).unwrap_or_default(); // what was wrong in it is told
     let folder = path.parent().unwrap_or(Path::new("")).to_owned();
     // Where nothing else is said, demonstrations lie beside the file that the others extend.
     let mut settings = toml::Table::new();
@@ -220,7 +222,7 @@ fn list<T: DeserializeOwned>(value: Option<toml::Value>) -> Vec<T> {
         .unwrap_or_default();
     elements
         .into_iter()
-        .filter_map(|element| element.try_into().ok())
+        .filter_map(|element| fit::read(element).ok())
         .collect()
 }
 

@@ -4,23 +4,22 @@
 //! that. So every wrong value of a file is found, not just the first, and the types themselves
 //! decide what is allowed.
 
-use std::{borrow::Cow, collections::BTreeSet, ops::Range, sync::LazyLock};
+use std::{collections::BTreeSet, ops::Range, sync::LazyLock};
 
 use schemars::{JsonSchema, SchemaGenerator, generate::SchemaSettings};
 use serde::{Serialize, de::DeserializeOwned};
 use serde_json::Value as Json;
-use toml::{
-    Spanned,
-    de::{DeTable, DeValue, Deserializer},
-};
+use toml::{Spanned, de::DeValue};
 
 use super::{
     Claim, Figure, Settings, SettingsTable, Slurm, Table,
-    names::{date_in_words, plain, told_apart},
+    names::words,
+    source::{inner, plain_value},
 };
 use crate::{
     algo::{Entry, catalogue},
     env::{EnvId, robot::Robot},
+    fit::{self, Fault, Mistake, Step},
     quantity::constant,
 };
 
@@ -30,13 +29,13 @@ pub(super) struct Section {
     schema: Json,
     /// The dotted keys of all values.
     leaves: BTreeSet<String>,
-    /// A valid value of the type as TOML text.
-    specimen: String,
+    /// A valid value of the type.
+    specimen: toml::Table,
     read: Box<Read>,
 }
 
 /// Reads a table, and tells what is wrong with it.
-type Read = dyn Fn(Spanned<DeTable<'_>>) -> Result<(), toml::de::Error> + Send + Sync;
+type Read = dyn Fn(toml::Table) -> Result<(), Mistake> + Send + Sync;
 
 /// Why a value was refused.
 #[derive(Debug, PartialEq)]
@@ -54,8 +53,8 @@ impl Section {
     pub(super) fn of<T: Serialize + DeserializeOwned + JsonSchema + 'static>(specimen: &T) -> Self {
         Self::new(
             generator().into_root_schema_for::<T>().to_value(),
-            text(specimen),
-            Box::new(read::<T>),
+            table(specimen),
+            Box::new(|table| fit::read::<T>(table.into()).map(drop)),
         )
     }
 
@@ -65,15 +64,15 @@ impl Section {
         schema
             .as_object_mut()
             .and_then(|fields| fields.remove("title"));
-        let specimen = text(&entry.defaults(EnvId::HalfCheetah).hyperparameters());
+        let specimen = entry.defaults(EnvId::HalfCheetah).hyperparameters();
         Self::new(
             schema,
             specimen,
-            Box::new(|table| entry.read(Deserializer::from(table)).map(drop)),
+            Box::new(|table| entry.read(table).map(drop)),
         )
     }
 
-    fn new(schema: Json, specimen: String, read: Box<Read>) -> Self {
+    fn new(schema: Json, specimen: toml::Table, read: Box<Read>) -> Self {
         let mut leaves = BTreeSet::new();
         collect_leaves(&schema, "", &mut leaves);
         Self {
@@ -129,40 +128,59 @@ impl Section {
     }
 
     /// Whether `value` may stand at `path`.
-    pub(super) fn check<'a>(
-        &'a self,
+    ///
+    /// # Errors
+    ///
+    /// It does not fit; of a list, every element that does not.
+    pub(super) fn check(
+        &self,
         path: &[&str],
-        value: &Spanned<DeValue<'a>>,
-    ) -> Result<(), Refusal> {
-        let mut candidate =
-            DeTable::parse(&self.specimen).expect("what was written as TOML is TOML");
-        put(candidate.get_mut(), path, value.clone());
-        (self.read)(candidate).map_err(|error| {
-            let whole = value.span();
-            let part = error
-                .span()
-                .filter(|part| whole.start <= part.start && part.end <= whole.end);
-            let span = part.unwrap_or(whole);
-            if let Some((message, label)) = told_apart(error.message()) {
-                return Refusal {
-                    message,
-                    says_all: true,
-                    label,
-                    span,
-                };
-            }
-            let (message, label) = match (
-                date_at(value, &span),
-                error.message().strip_prefix("invalid type: map,"),
-            ) {
-                (Some(date), Some(expected)) => plain(&format!("invalid type: {date},{expected}")),
-                _ => plain(error.message()),
-            };
+        value: &Spanned<DeValue<'_>>,
+    ) -> Result<(), Vec<Refusal>> {
+        let Err(refusal) = self.check_whole(path, value) else {
+            return Ok(());
+        };
+        let elements = value.get_ref().as_array().into_iter().flatten();
+        let alone = elements.filter_map(|element| {
+            let list = DeValue::Array(std::iter::once(element.clone()).collect());
+            let refusal = self
+                .check_whole(path, &Spanned::new(value.span(), list))
+                .err()?;
+            // A list may be too short, or its elements may be wrong only together.
+            (refusal.span != value.span()).then_some(refusal)
+        });
+        let alone: Vec<Refusal> = alone.collect();
+        Err(if alone.is_empty() {
+            vec![refusal]
+        } else {
+            alone
+        })
+    }
+
+    fn check_whole(&self, path: &[&str], value: &Spanned<DeValue<'_>>) -> Result<(), Refusal> {
+        let Some(plain) = plain_value(value) else {
+            // All else that the parser lets pass is a value.
+            let (number, span) = too_large(value).unwrap_or(("a number".to_owned(), value.span()));
+            return Err(Refusal {
+                message: format!("{number} is out of range"),
+                says_all: false,
+                label: Some("expected a whole number that fits in 64 bits".to_owned()),
+                span,
+            });
+        };
+        let mut candidate = self.specimen.clone();
+        put(&mut candidate, path, plain);
+        (self.read)(candidate).map_err(|Mistake { fault, way }| {
+            let (message, label) = words(&fault);
+            let is_name = matches!(fault, Fault::UnknownKey { .. } | Fault::UnknownName { .. });
             Refusal {
                 message,
-                says_all: false,
+                says_all: matches!(fault, Fault::Objection { .. }),
                 label,
-                span,
+                // A mistake outside of the value is one of the value too.
+                span: way
+                    .get(path.len()..)
+                    .map_or(value.span(), |way| span(value, way, is_name)),
             }
         })
     }
@@ -259,40 +277,46 @@ fn generator() -> SchemaGenerator {
     settings.into_generator()
 }
 
-/// `value` as TOML text.
-fn text<T: Serialize>(value: &T) -> String {
-    toml::to_string(value).expect("our own types are TOML")
+/// `value` as a table.
+fn table<T: Serialize>(value: &T) -> toml::Table {
+    toml::Table::try_from(value).expect("our own types are TOML")
 }
 
-fn read<T: DeserializeOwned>(table: Spanned<DeTable<'_>>) -> Result<(), toml::de::Error> {
-    T::deserialize(Deserializer::from(table)).map(drop)
-}
-
-/// The date in `value` at the bytes `span`, written as `date 2024-01-01`.
-fn date_at(value: &Spanned<DeValue<'_>>, span: &Range<usize>) -> Option<String> {
+/// A whole number in `value` beyond 64 bits, as it is written, and its bytes.
+fn too_large(value: &Spanned<DeValue<'_>>) -> Option<(String, Range<usize>)> {
     match value.get_ref() {
-        DeValue::Datetime(date) if value.span() == *span => {
-            Some(format!("{} {date}", date_in_words(date)))
+        DeValue::Integer(number) => {
+            let fits = i64::from_str_radix(number.as_str(), number.radix()).is_ok();
+            (!fits).then(|| (number.to_string(), value.span()))
         }
-        DeValue::Array(elements) => elements.iter().find_map(|element| date_at(element, span)),
-        DeValue::Table(table) => table.iter().find_map(|(_, value)| date_at(value, span)),
+        DeValue::Array(elements) => elements.iter().find_map(too_large),
+        DeValue::Table(table) => table.values().find_map(too_large),
         _ => None,
     }
 }
 
+/// The bytes of what is at the end of `way` in `value`, or of the last that is there on the way; of
+/// its key, if `is_name` and it has one.
+fn span(value: &Spanned<DeValue<'_>>, way: &[Step], is_name: bool) -> Range<usize> {
+    let Some((step, rest)) = way.split_first() else {
+        return value.span();
+    };
+    if let (Step::Key(key), [], true) = (step, rest, is_name) {
+        let table = value.get_ref().as_table();
+        let key = table.and_then(|table| table.get_key_value(key.as_str()));
+        return key.map_or(value.span(), |(key, _)| key.span());
+    }
+    inner(step, value).map_or(value.span(), |inner| span(inner, rest, is_name))
+}
+
 /// Puts `value` at `path`, making tables on the way.
-fn put<'a>(table: &mut DeTable<'a>, path: &[&str], value: Spanned<DeValue<'a>>) {
+fn put(table: &mut toml::Table, path: &[&str], value: toml::Value) {
     let Some((key, rest)) = path.split_first() else {
         return;
     };
     if rest.is_empty() {
-        match table.get_mut(*key) {
-            Some(old) => *old = value,
-            None => {
-                table.insert(Spanned::new(0..0, Cow::Owned((*key).to_owned())), value);
-            }
-        }
-    } else if let Some(DeValue::Table(inner)) = table.get_mut(*key).map(Spanned::get_mut) {
+        table.insert((*key).to_owned(), value);
+    } else if let Some(toml::Value::Table(inner)) = table.get_mut(*key) {
         put(inner, rest, value);
     }
 }

@@ -5,8 +5,9 @@ use std::fmt;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};
 
-use super::{Selection, measured, names::told};
+use super::{Selection, measured};
 use crate::{
+    fit::objection,
     measured::Measure,
     quantity::{UnitInterval, constant},
 };
@@ -90,7 +91,7 @@ impl<'de> Deserialize<'de> for Versus {
         let selection = Selection::parse(&text);
         selection
             .map(Self::Runs)
-            .map_err(|error| D::Error::custom(told(&error.to_string(), None)))
+            .map_err(|error| D::Error::custom(objection(&error.to_string(), None)))
     }
 }
 

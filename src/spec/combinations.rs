@@ -5,9 +5,12 @@ use std::{mem, path::PathBuf};
 use super::{
     Algorithm, Axis, Block, ExperimentSpec, Parameter, ResolveError, Settings,
     error::{Place, SpecError},
-    source::{AxisList, Source, Step, steps},
+    source::{AxisList, Source, steps},
 };
-use crate::env::{EnvId, Reward};
+use crate::{
+    env::{EnvId, Reward},
+    fit::Step,
+};
 
 /// The most runs of a campaign; a longer list is taken for a slip. `plan` shows this many in 1.3 s
 /// and 310 MB (AMD EPYC, 2.6 GHz).

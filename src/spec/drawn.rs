@@ -3,10 +3,11 @@
 use std::fmt;
 
 use super::{Key, Selection, named::named};
+use crate::fit::objection;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{
     Deserialize, Deserializer, Serialize, Serializer,
-    de::{Error, SeqAccess, Visitor, value::SeqAccessDeserializer},
+    de::{Error, SeqAccess, Unexpected, Visitor, value::SeqAccessDeserializer},
 };
 
 /// The panels of a figure.
@@ -136,10 +137,9 @@ impl<'de> Deserialize<'de> for Width {
             fn visit_str<E: Error>(self, name: &str) -> Result<Width, E> {
                 let known = Width::NAMED.iter().find(|(known, _)| *known == name);
                 let unknown = || {
-                    E::custom(format!(
-                        "unknown width `{name}`; expected {}",
-                        Width::EXPECTED
-                    ))
+                    let message = format!("unknown width `{name}`");
+                    let expected = format!("expected {}", Width::EXPECTED);
+                    E::custom(objection(&message, Some(&expected)))
                 };
                 known.map(|(_, width)| *width).ok_or_else(unknown)
             }
@@ -147,10 +147,7 @@ impl<'de> Deserialize<'de> for Width {
             fn visit_f64<E: Error>(self, inches: f64) -> Result<Width, E> {
                 match (Width::NARROWEST..=Width::WIDEST).contains(&inches) {
                     true => Ok(Width::Inches(inches)),
-                    false => Err(E::custom(format!(
-                        "{inches} is out of range; expected {}",
-                        Width::EXPECTED
-                    ))),
+                    false => Err(E::invalid_value(Unexpected::Float(inches), &self)),
                 }
             }
 
@@ -194,13 +191,11 @@ pub enum Band {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fit;
 
     fn width(text: &str) -> Result<Width, String> {
         let table: toml::Table = toml::from_str(&format!("x = {text}")).expect("TOML");
-        table["x"]
-            .clone()
-            .try_into()
-            .map_err(|error: toml::de::Error| error.message().to_owned())
+        fit::read(table["x"].clone()).map_err(|mistake| mistake.to_string())
     }
 
     #[test]

@@ -3,8 +3,11 @@
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};
 
-use super::names::{nearest_label, told};
-use crate::measured::{Measure, UnknownMeasure};
+use super::names::nearest_label;
+use crate::{
+    fit::objection,
+    measured::{Measure, UnknownMeasure},
+};
 
 /// The content of a figure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -93,9 +96,9 @@ fn refusal(
 ) -> String {
     match error {
         UnknownMeasure::Words(name) => {
-            told(&format!("`{name}` holds words; {takes} numbers"), None)
+            objection(&format!("`{name}` holds words; {takes} numbers"), None)
         }
-        UnknownMeasure::NoColumn(name) => told(
+        UnknownMeasure::NoColumn(name) => objection(
             &format!("unknown {what} `{name}`"),
             nearest_label(what, name, names).as_deref(),
         ),

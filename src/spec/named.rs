@@ -2,7 +2,8 @@
 
 use serde::de::Error;
 
-use super::names::{nearest_label, told};
+use super::names::nearest_label;
+use crate::fit::objection;
 
 /// A type whose values have names in a file.
 pub(super) trait Named: Sized {
@@ -25,7 +26,7 @@ pub(super) fn named<T: Named, E: Error>(name: &str) -> Result<T, E> {
     T::named(name).ok_or_else(|| {
         let known = T::known();
         let label = nearest_label(T::WHAT, name, known.iter().map(String::as_str));
-        E::custom(told(
+        E::custom(objection(
             &format!("unknown {} `{name}`", T::WHAT),
             label.as_deref(),
         ))

@@ -1,4 +1,6 @@
-//! The nearest known name, and serde's messages in words for people.
+//! The nearest known name, and mistakes in words for people.
+
+use crate::fit::Fault;
 
 /// The one of `known` that was probably meant by `name`: at most a third of its letters differ,
 /// whatever their case.
@@ -62,158 +64,57 @@ pub(super) fn list<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     }
 }
 
-/// Packs `message`, and the label for the caret, into the text of one error; see [`told_apart`].
-pub(super) fn told(message: &str, label: Option<&str>) -> String {
-    format!("{message}\n{}", label.unwrap_or_default())
-}
-
-/// Unpacks a text of [`told`]; `None` for any other text.
-pub(super) fn told_apart(text: &str) -> Option<(String, Option<String>)> {
-    let (message, label) = text.split_once('\n')?;
-    Some((
-        message.to_owned(),
-        Some(label.to_owned()).filter(|label| !label.is_empty()),
-    ))
-}
-
-/// A message of serde, toml or a bounded number in plain words, and the label for the caret.
-pub(super) fn plain(message: &str) -> (String, Option<String>) {
-    let message = message.lines().next().unwrap_or_default();
-    wrong_choice(message)
-        .or_else(|| too_large(message))
-        .or_else(|| wrong_type(message))
-        .or_else(|| out_of_range(message))
-        .or_else(|| unknown_name(message))
-        .unwrap_or_else(|| (message.to_owned(), None))
-}
-
-/// A message about a choice: a name, or a table with a name and its fields.
-fn wrong_choice(message: &str) -> Option<(String, Option<String>)> {
-    let wrong = match message {
-        "wanted string or table" => "this is neither a name nor a table",
-        _ if message.starts_with("wanted exactly 1 element") => {
-            "this table does not hold exactly one choice"
+/// A mistake in plain words, and the label for the caret.
+pub(super) fn words(fault: &Fault) -> (String, Option<String>) {
+    let expected = |expected: &str| Some(format!("expected {expected}"));
+    match fault {
+        Fault::Type { found, expected: e } => {
+            (format!("{found} does not belong here"), expected(e))
         }
-        _ => return None,
-    };
-    Some((
-        wrong.into(),
-        Some("expected a name, or a table with one name and its fields".into()),
-    ))
-}
-
-/// A message about a whole number beyond 64 bits.
-fn too_large(message: &str) -> Option<(String, Option<String>)> {
-    let (number, rest) = message
-        .strip_prefix("invalid type: integer `")?
-        .split_once('`')?;
-    let (_, expected) = rest.strip_prefix(" as ")?.split_once(", expected ")?;
-    Some((
-        format!("{number} is out of range"),
-        Some(format!(
-            "expected {} that fits in 64 bits",
-            type_in_words(expected)
-        )),
-    ))
-}
-
-fn wrong_type(message: &str) -> Option<(String, Option<String>)> {
-    let (found, expected) = message
-        .strip_prefix("invalid type: ")?
-        .split_once(", expected ")?;
-    let (found, expected) = (found_in_words(found), type_in_words(expected));
-    let label = match found.strip_suffix(".0") {
-        Some(whole) if expected == "a whole number" => {
-            format!("expected a whole number, such as {whole}")
+        Fault::Range { found, expected: e } => (format!("{found} is out of range"), expected(e)),
+        Fault::Length { found, expected: e } => {
+            (format!("a list of {found} does not fit"), expected(e))
         }
-        _ => format!("expected {expected}"),
-    };
-    Some((format!("{found} does not belong here"), Some(label)))
+        Fault::UnknownKey { key, known } => unknown("key", key, known),
+        Fault::UnknownName { name, known } => unknown("name", name, known),
+        Fault::MissingKey(key) => (
+            format!("`{key}` is missing"),
+            Some(format!("write `{key} = ...`")),
+        ),
+        Fault::DoubleKey(key) => (format!("`{key}` is there twice"), None),
+        Fault::NoChoice => (
+            "this is neither a name nor a table".to_owned(),
+            expected("a name, or a table with one name and its fields"),
+        ),
+        Fault::NotOneChoice => (
+            "this table does not hold exactly one choice".to_owned(),
+            expected("a name, or a table with one name and its fields"),
+        ),
+        Fault::Objection { message, label } => (message.clone(), label.clone()),
+        Fault::Other(message) => (message.clone(), None),
+    }
 }
 
-fn out_of_range(message: &str) -> Option<(String, Option<String>)> {
-    let (wrong, expected) = message.split_once(" is out of range; expected ")?;
-    Some((
-        format!("{wrong} is out of range"),
-        Some(format!("expected {expected}")),
-    ))
-}
-
-fn unknown_name(message: &str) -> Option<(String, Option<String>)> {
-    let (what, wrong, known): (_, _, Vec<&str>) =
-        if let Some(names) = message.strip_prefix("unexpected keys in table: ") {
-            let (wrong, known) = names.split_once(", available keys: ")?;
-            ("key", wrong, known.split(", ").collect())
-        } else {
-            let (what, names) = match (
-                message.strip_prefix("unknown variant "),
-                message.strip_prefix("unknown field "),
-            ) {
-                (Some(names), _) => ("name", names),
-                (_, names) => ("key", names?),
-            };
-            // "`wrong`, expected `a` or `b`": every other piece between backticks is a name.
-            let names: Vec<&str> = names.split('`').skip(1).step_by(2).collect();
-            let (wrong, known) = names.split_first()?;
-            (what, *wrong, known.to_vec())
-        };
-    // The message itself lists the known names.
+/// The message about an unknown key or name, which lists the known ones.
+fn unknown(what: &str, wrong: &str, known: &[&str]) -> (String, Option<String>) {
     let label = nearest(wrong, known.iter().copied())
         .map(|nearest| format!("the nearest known {what} is `{nearest}`"));
-    Some((
-        format!(
-            "unknown {what} `{wrong}`; the known ones are {}",
-            list(known)
-        ),
+    let known = list(known.iter().copied());
+    (
+        format!("unknown {what} `{wrong}`; the known ones are {known}"),
         label,
-    ))
-}
-
-/// The found value in words: "string "abc"" as it is, floating point `2.5` as the number 2.5.
-fn found_in_words(found: &str) -> String {
-    let numbers = ["floating point `", "integer `", "boolean `"];
-    match numbers
-        .iter()
-        .find_map(|kind| Some((kind, found.strip_prefix(kind)?.strip_suffix('`')?)))
-    {
-        Some((_, number)) => number.to_owned(),
-        None if found == "map" => "a table".into(),
-        None if found == "sequence" => "a list".into(),
-        None if found.ends_with(" variant") => "this choice".into(),
-        None if found == "unit value" => "nothing".into(),
-        None => format!("the {found}"),
-    }
-}
-
-/// The kind of a date in words; serde calls it a map.
-pub(super) fn date_in_words(date: &toml::value::Datetime) -> &'static str {
-    match (date.date, date.time) {
-        (Some(_), None) => "date",
-        (None, Some(_)) => "time",
-        _ => "date and time",
-    }
-}
-
-/// A Rust type as a TOML user knows it.
-fn type_in_words(expected: &str) -> String {
-    match expected {
-        "f32" | "f64" => "a number".into(),
-        "i8" | "i16" | "i32" | "i64" | "u8" | "u16" | "u32" | "u64" | "usize" => {
-            "a whole number".into()
-        }
-        "newtype variant" | "struct variant" => "a table with its fields".into(),
-        "unit variant" => "its name alone, without fields".into(),
-        "a map" | "map" => "a table".into(),
-        "path string" => "a string".into(),
-        "a sequence" => "a list".into(),
-        other if other.starts_with("struct ") => "a table".into(),
-        other => other.into(),
-    }
+    )
 }
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+
     use super::*;
+    use crate::{
+        fit::{self, Step},
+        quantity::Positive,
+    };
 
     #[test]
     fn the_nearest_name_is_the_one_with_fewest_changes() {
@@ -253,46 +154,138 @@ mod tests {
     }
 
     #[test]
-    fn messages_of_serde_become_plain() {
-        let (_, label) = plain("unknown variant `demos`, expected `demo_states` or `rollout`");
-        assert_eq!(label, None);
-        let (message, label) =
-            plain("unknown variant `demo_state`, expected `demo_states` or `rollout`");
-        assert_eq!(
-            message,
-            "unknown name `demo_state`; the known ones are `demo_states` and `rollout`"
-        );
-        assert_eq!(
-            label.as_deref(),
-            Some("the nearest known name is `demo_states`")
-        );
-        let (message, label) = plain("invalid type: floating point `2.5`, expected i64");
-        assert_eq!(message, "2.5 does not belong here");
-        assert_eq!(label.as_deref(), Some("expected a whole number"));
-        let (_, label) = plain("invalid type: floating point `100000.0`, expected i64");
-        assert_eq!(
-            label.as_deref(),
-            Some("expected a whole number, such as 100000")
-        );
-        let (message, label) =
-            plain("invalid type: integer `99999999999999999999` as i128, expected i64");
-        assert_eq!(message, "99999999999999999999 is out of range");
-        assert_eq!(
-            label.as_deref(),
-            Some("expected a whole number that fits in 64 bits")
-        );
-        let (_, label) = plain("unexpected keys in table: distanc, available keys: distance, mode");
-        assert_eq!(
-            label.as_deref(),
-            Some("the nearest known key is `distance`")
-        );
-        let (message, label) = plain("-1 is out of range; expected a finite number above 0");
-        assert_eq!(
-            (message.as_str(), label.as_deref()),
+    fn mistakes_are_told_in_a_users_words() {
+        #[derive(Debug, serde::Deserialize)]
+        #[serde(rename_all = "snake_case", deny_unknown_fields)]
+        #[expect(dead_code, reason = "it is read, and never used")]
+        enum Choice {
+            DemoStates,
+            Rollout,
+            Sparse { distance: f64, mode: i64 },
+        }
+        #[derive(Debug, serde::Deserialize)]
+        #[serde(deny_unknown_fields)]
+        #[expect(dead_code, reason = "it is read, and never used")]
+        struct Table {
+            #[serde(default)]
+            choice: Option<Choice>,
+            #[serde(default)]
+            number: Option<Positive>,
+            #[serde(default)]
+            whole: Option<i64>,
+            #[serde(default)]
+            count: Option<usize>,
+            #[serde(default)]
+            pair: Option<[f64; 2]>,
+        }
+        let told = |text: &str| {
+            let table: toml::Table = toml::from_str(text).expect("TOML");
+            let mistake = fit::read::<Table>(table.into()).expect_err(text);
+            let (message, label) = words(&mistake.fault);
+            (message, label.unwrap_or_default())
+        };
+        for (text, message, label) in [
             (
+                "choice = 'demos'",
+                "unknown name `demos`; the known ones are `demo_states`, `rollout` and `sparse`",
+                "",
+            ),
+            (
+                "choice = 'demo_state'",
+                "unknown name `demo_state`; the known ones are `demo_states`, `rollout` and `sparse`",
+                "the nearest known name is `demo_states`",
+            ),
+            (
+                "choice.sparse = { distanc = 1.0, mode = 1 }",
+                "unknown key `distanc`; the known ones are `distance` and `mode`",
+                "the nearest known key is `distance`",
+            ),
+            (
+                "choice.sparse = { mode = 1 }",
+                "`distance` is missing",
+                "write `distance = ...`",
+            ),
+            (
+                "choice = 3",
+                "this is neither a name nor a table",
+                "expected a name, or a table with one name and its fields",
+            ),
+            (
+                "choice = {}",
+                "this table does not hold exactly one choice",
+                "expected a name, or a table with one name and its fields",
+            ),
+            (
+                "choice = 'sparse'",
+                "this choice does not belong here",
+                "expected a table with its fields",
+            ),
+            (
+                "choice.rollout = { a = 1 }",
+                "this choice does not belong here",
+                "expected its name alone, without fields",
+            ),
+            (
+                "whole = 2.5",
+                "2.5 does not belong here",
+                "expected a whole number",
+            ),
+            (
+                "whole = 1e5",
+                "100000.0 does not belong here",
+                "expected a whole number, such as 100000",
+            ),
+            (
+                "whole = 2024-01-01",
+                "the date 2024-01-01 does not belong here",
+                "expected a whole number",
+            ),
+            (
+                "whole = 'a'",
+                "the string \"a\" does not belong here",
+                "expected a whole number",
+            ),
+            (
+                "count = -1",
                 "-1 is out of range",
-                Some("expected a finite number above 0")
-            )
-        );
+                "expected a whole number, 0 or above",
+            ),
+            (
+                "number = -1",
+                "-1 is out of range",
+                "expected a finite number above 0",
+            ),
+            (
+                "number = nan",
+                "NaN is out of range",
+                "expected a finite number above 0",
+            ),
+            (
+                "number = [1]",
+                "a list does not belong here",
+                "expected a number",
+            ),
+            (
+                "pair = [1]",
+                "a list of 1 does not fit",
+                "expected 2 elements",
+            ),
+            (
+                "pair = [1, 2, 3]",
+                "a list of 3 does not fit",
+                "expected 2 elements",
+            ),
+        ] {
+            assert_eq!(told(text), (message.to_owned(), label.to_owned()), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_mistake_is_found_however_deep_it_is() {
+        let table: toml::Table = toml::from_str("a = [{ b = 1 }, { b = 'x' }]").expect("TOML");
+        let mistake = fit::read::<BTreeMap<String, Vec<BTreeMap<String, i64>>>>(table.into())
+            .expect_err("a string");
+        let key = |key: &str| Step::Key(key.to_owned());
+        assert_eq!(mistake.way, [key("a"), Step::Index(1), key("b")]);
     }
 }

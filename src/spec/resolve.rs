@@ -2,7 +2,11 @@
 //! axes.
 
 use super::{Algorithm, ExperimentSpec, Parameter, Settings, catalog::Catalog};
-use crate::{env::EnvId, env::Reward, quantity::constant};
+use crate::{
+    env::{EnvId, Reward},
+    fit::{self, Mistake},
+    quantity::constant,
+};
 
 /// Why a run cannot be resolved.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -23,8 +27,8 @@ pub enum ResolveError {
         env: EnvId,
         /// The algorithm.
         algorithm: String,
-        /// The TOML reader's error.
-        source: toml::de::Error,
+        /// The mistake.
+        source: Mistake,
     },
 }
 
@@ -86,8 +90,9 @@ impl ExperimentSpec {
         let mut settings = settings(env, algorithm, given)
             .map_err(wrong)?
             .ok_or(ResolveError::NoBudget { env })?;
-        let algorithm =
-            Algorithm::from_hyperparameters(algorithm, hyperparameters).map_err(wrong)?;
+        let algorithm = Algorithm::from_hyperparameters(algorithm, hyperparameters)
+            .ok_or_else(no_algorithm)?
+            .map_err(wrong)?;
         if algorithm.trains_on_dense_reward() {
             settings.reward = Reward::Dense;
         }
@@ -101,11 +106,7 @@ impl ExperimentSpec {
 }
 
 /// The defaults of `algorithm` in `env`, overridden by `given`; `None` without a budget.
-fn settings(
-    env: EnvId,
-    algorithm: &str,
-    given: toml::Table,
-) -> Result<Option<Settings>, toml::de::Error> {
+fn settings(env: EnvId, algorithm: &str, given: toml::Table) -> Result<Option<Settings>, Mistake> {
     let is_given =
         |table: &str, key: &str| given.get(table).and_then(|table| table.get(key)).is_some();
     if !is_given("budget", "env_steps") {
@@ -116,7 +117,7 @@ fn settings(
         .expect("settings are TOML");
     let mut table = defaults;
     Catalog::get().settings.merge(&mut table, &given);
-    let mut settings: Settings = table.try_into()?;
+    let mut settings: Settings = fit::read(table.into())?;
     if !evaluation_given {
         settings.evaluation.every =
             Settings::evaluate_every(settings.evaluation.episodes, settings.max_steps);

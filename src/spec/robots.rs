@@ -9,10 +9,13 @@ use std::{collections::BTreeMap, path::Path, sync::Arc};
 use super::{
     catalog::Catalog,
     error::{Place, SpecError},
-    names::nearest,
-    source::{Source, Step, plain_value},
+    names::words,
+    source::{Source, plain_value},
 };
-use crate::env::{EnvError, EnvId, robot::Robot};
+use crate::{
+    env::{EnvError, EnvId, robot::Robot},
+    fit::{self, Mistake, Step},
+};
 
 /// The robots that the layers of one file describe.
 #[derive(Default)]
@@ -54,7 +57,7 @@ impl Robots {
             };
             let missing = described.missing(&table);
             let found = if missing.is_empty() {
-                match table.try_into() {
+                match fit::read(table.into()) {
                     Ok(robot) => described.environment(robot),
                     Err(error) => {
                         robots.unread.push(described.unread(&error));
@@ -94,14 +97,10 @@ impl Robots {
     }
 
     fn unknown(&self, name: &str) -> EnvError {
-        let own = nearest(name, self.known.keys().map(String::as_str));
-        let known = own.map_or_else(
-            || EnvId::known_instead(name),
-            |own| format!("the nearest known one is `{own}`"),
-        );
+        let own: Vec<&str> = self.known.keys().map(String::as_str).collect();
         EnvError::UnknownEnvironment {
             name: name.to_owned(),
-            known,
+            known: EnvId::known_instead(name, &own),
         }
     }
 }
@@ -175,25 +174,21 @@ impl Described<'_> {
     }
 
     /// The `error` of a table that is no robot.
-    fn unread(&self, error: &toml::de::Error) -> SpecError {
-        // toml tells the key on a line of its own: "missing field `target`\nin `goal`".
-        let told = error.to_string().trim().replace('\n', " ");
-        self.error(&[], format!("`{}`: {told}", self.name), None)
+    fn unread(&self, Mistake { fault, way }: &Mistake) -> SpecError {
+        let (message, label) = words(fault);
+        self.error(way, format!("`{}`: {message}", self.name), label)
     }
 
     /// Places `error` where it was written: in the robot's table, or in its model.
     fn located(&self, error: EnvError, model: &Path) -> SpecError {
         match error {
             EnvError::Robot {
-                key,
-                index,
-                message,
-                ..
+                key, index, flaw, ..
             } => {
                 let way: Vec<Step> = std::iter::once(Step::Key(key.to_owned()))
                     .chain(index.map(Step::Index))
                     .collect();
-                self.error(&way, format!("`{key}`: {message}"), None)
+                self.error(&way, format!("`{key}`: {flaw}"), None)
             }
             EnvError::Engine { message, .. } => {
                 let message = message.trim_end().to_owned();
@@ -210,6 +205,8 @@ impl Described<'_> {
                     None => self.error(&[Step::Key(MODEL.to_owned())], message, None),
                 }
             }
+            // The table's header shows the name.
+            error @ EnvError::BadName { .. } => self.error(&[], error.to_string(), None),
             EnvError::NameTaken { by, .. } => {
                 let message = format!("`{}` is taken: {by} ships with the program", self.name);
                 self.error(&[], message, Some("call the robot otherwise".to_owned()))

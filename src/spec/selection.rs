@@ -7,10 +7,14 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};
 use super::{
     Algorithm, Key,
     named::Named,
-    names::{nearest_label, told},
+    names::nearest_label,
     source::{pieces, value as parsed},
 };
-use crate::env::EnvId;
+use crate::{
+    env::{EnvError, EnvId},
+    fit::objection,
+    measured::Measure,
+};
 
 /// Runs selected by the values of their axes and parameters.
 /// All keys must match; a key given twice must match one of its values.
@@ -83,8 +87,12 @@ impl Selection {
 
 /// The error that no run has the key `name`.
 fn unknown(name: &str) -> SelectionError {
-    let known = Key::known();
-    let known = nearest_label("one", name, known.iter().map(String::as_str)).unwrap_or_default();
+    let keys = Key::known();
+    let known = if Measure::parse(name).is_ok() {
+        "it is recorded during a run, and runs are selected by what was set before".to_owned()
+    } else {
+        nearest_label("one", name, keys.iter().map(String::as_str)).unwrap_or_default()
+    };
     SelectionError::Key {
         key: name.to_owned(),
         known,
@@ -100,9 +108,10 @@ fn meaning(key: &Key, value: &str) -> Result<toml::Value, SelectionError> {
     };
     let text = match key {
         Key::Env => {
-            let env: EnvId = value
-                .parse()
-                .map_err(|_| unknown(EnvId::known_instead(value)))?;
+            let env = value.parse::<EnvId>().map_err(|error| match error {
+                EnvError::UnknownEnvironment { known, .. } => unknown(known),
+                other => unknown(other.to_string()),
+            })?;
             env.name().to_owned()
         }
         Key::Algorithm if Algorithm::names().any(|name| name == value) => value.to_owned(),
@@ -131,7 +140,7 @@ impl Serialize for Selection {
 impl<'de> Deserialize<'de> for Selection {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let parsed = Self::parse(&String::deserialize(deserializer)?);
-        parsed.map_err(|error| D::Error::custom(told(&error.to_string(), None)))
+        parsed.map_err(|error| D::Error::custom(objection(&error.to_string(), None)))
     }
 }
 

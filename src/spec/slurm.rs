@@ -57,6 +57,14 @@ impl Slurm {
 }
 
 /// Defines a type for texts that `$is` accepts.
+/// A text that is none of what is expected in its place.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("`{}` is not {expected}", text.escape_debug())]
+pub struct NotOne {
+    text: String,
+    expected: String,
+}
+
 macro_rules! text {
     ($(#[$docs:meta])* $name:ident, $is:expr, $expected:expr) => {
         $(#[$docs])*
@@ -73,23 +81,23 @@ macro_rules! text {
         }
 
         impl TryFrom<String> for $name {
-            type Error = String;
+            type Error = NotOne;
 
-            fn try_from(text: String) -> Result<Self, String> {
+            fn try_from(text: String) -> Result<Self, NotOne> {
                 let is: fn(&str) -> bool = $is;
                 let is_line = !text.chars().any(char::is_control) && (1..=1000).contains(&text.len());
                 if is_line && is(&text) {
                     Ok(Self(text))
                 } else {
-                    Err(format!("`{}` is not {}", text.escape_debug(), $expected))
+                    Err(NotOne { text, expected: $expected.into() })
                 }
             }
         }
 
         impl std::str::FromStr for $name {
-            type Err = String;
+            type Err = NotOne;
 
-            fn from_str(text: &str) -> Result<Self, String> {
+            fn from_str(text: &str) -> Result<Self, NotOne> {
                 text.to_owned().try_into()
             }
         }

@@ -20,6 +20,7 @@ use super::{
 };
 use crate::{
     env::EnvId,
+    fit::Step,
     intake::{self, Links},
 };
 
@@ -168,13 +169,6 @@ pub(super) struct Source<'a> {
     pub(super) tree: Spanned<DeTable<'a>>,
 }
 
-/// A step on the path to a value.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Step {
-    Key(String),
-    Index(usize),
-}
-
 /// The path to the dotted `key`.
 pub(super) fn steps(key: &str) -> Vec<Step> {
     key.split('.').map(|key| Step::Key(key.into())).collect()
@@ -184,7 +178,7 @@ impl Source<'_> {
     /// The bytes of the value at the end of `way`; `None` if this layer does not have it.
     pub(super) fn span(&self, way: &[Step]) -> Option<Range<usize>> {
         let (last, before) = way.split_last()?;
-        let inner = match before.split_first() {
+        let value = match before.split_first() {
             None => match last {
                 Step::Key(key) => self.tree.get_ref().get(key.as_str()),
                 Step::Index(_) => None,
@@ -194,11 +188,11 @@ impl Source<'_> {
                 between
                     .iter()
                     .chain([last])
-                    .try_fold(first, |value, step| step.of(value))
+                    .try_fold(first, |value, step| inner(step, value))
             }
             Some((Step::Index(_), _)) => None,
         };
-        inner.map(Spanned::span)
+        value.map(Spanned::span)
     }
 
     /// The bytes of the value at the end of `way` under the table of `env`, by whichever of its
@@ -228,12 +222,14 @@ impl Source<'_> {
     }
 }
 
-impl Step {
-    fn of<'v, 'a>(&self, value: &'v Spanned<DeValue<'a>>) -> Option<&'v Spanned<DeValue<'a>>> {
-        match self {
-            Self::Key(key) => value.get_ref().get(key.as_str()),
-            Self::Index(index) => value.get_ref().get(*index),
-        }
+/// The value at the end of `step` in `value`.
+pub(super) fn inner<'v, 'a>(
+    step: &Step,
+    value: &'v Spanned<DeValue<'a>>,
+) -> Option<&'v Spanned<DeValue<'a>>> {
+    match step {
+        Step::Key(key) => value.get_ref().get(key.as_str()),
+        Step::Index(index) => value.get_ref().get(*index),
     }
 }
 

@@ -45,7 +45,11 @@ fn mistakes_are_told_where_they_were_made_and_all_at_once() {
     let lines: Vec<Option<usize>> = errors.iter().map(|error| error.line()).collect();
     assert_eq!(
         lines,
-        (first..first + 6).map(Some).collect::<Vec<_>>(),
+        // Both wrong options of sbatch are told.
+        (first..first + 6)
+            .chain([first + 5])
+            .map(Some)
+            .collect::<Vec<_>>(),
         "{errors}"
     );
     let all = errors.to_string();

@@ -5,11 +5,14 @@ use std::{collections::HashSet, ops::Range};
 use toml::de::{DeArray, DeTable};
 
 use super::{BLOCK_KEYS, Checker, Value};
-use crate::spec::{
-    Algorithm, Parameter,
-    catalog::{Catalog, Section},
-    names::{list, nearest_label},
-    source::{Step, plain_value},
+use crate::{
+    fit::Step,
+    spec::{
+        Algorithm, Parameter,
+        catalog::{Catalog, Section},
+        names::{list, nearest_label},
+        source::plain_value,
+    },
 };
 
 impl Checker<'_> {
@@ -250,12 +253,8 @@ impl Checker<'_> {
         };
         for (section, key) in places {
             let path: Vec<&str> = key.split('.').collect();
-            if let Err(refusal) = section.check(&path, element) {
-                self.wrong(
-                    refusal.span,
-                    format!("`{name}`: {}", refusal.message),
-                    refusal.label,
-                );
+            if let Err(refusals) = section.check(&path, element) {
+                self.refused(name, refusals);
                 return None;
             }
         }

@@ -14,13 +14,16 @@ use toml::{
 
 use super::{
     Algorithm, Parameter,
-    catalog::{Catalog, Section},
+    catalog::{Catalog, Refusal, Section},
     error::SpecError,
-    names::{date_in_words, nearest, nearest_label},
+    names::{nearest, nearest_label},
     robots::{Robots, is_robots_alone},
-    source::{AxisList, Layer, Source, Step, plain_value},
+    source::{AxisList, Layer, Source, plain_value},
 };
-use crate::env::{EnvError, EnvId};
+use crate::{
+    env::{EnvError, EnvId},
+    fit::{Step, date_in_words},
+};
 
 /// Keys of the file that are neither settings nor hyperparameters.
 pub(super) const ROOT_KEYS: [&str; 11] = [
@@ -264,17 +267,8 @@ impl<'a> Checker<'a> {
         let title = path.join(".");
         match section.keys(path) {
             None => {
-                if let Err(refusal) = section.check(path, value) {
-                    let about = if refusal.says_all {
-                        String::new()
-                    } else {
-                        format!("`{title}`: ")
-                    };
-                    self.wrong(
-                        refusal.span,
-                        format!("{about}{}", refusal.message),
-                        refusal.label,
-                    );
+                if let Err(refusals) = section.check(path, value) {
+                    self.refused(&title, refusals);
                 }
             }
             Some(known) => {
@@ -300,6 +294,18 @@ impl<'a> Checker<'a> {
                     }
                 });
             }
+        }
+    }
+
+    /// Reports what is wrong with the value of `key`.
+    fn refused(&mut self, key: &str, refusals: Vec<Refusal>) {
+        for refusal in refusals {
+            let message = if refusal.says_all {
+                refusal.message
+            } else {
+                format!("`{key}`: {}", refusal.message)
+            };
+            self.wrong(refusal.span, message, refusal.label);
         }
     }
 

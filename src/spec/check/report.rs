@@ -8,7 +8,7 @@ use toml::{
 };
 
 use super::{Checker, Value};
-use crate::spec::{catalog::Section, source::Step};
+use crate::{fit::Step, spec::catalog::Section};
 
 impl Checker<'_> {
     /// Checks `[[figures]]` or `[[tables]]`.
