@@ -179,6 +179,24 @@ fn mistakes_are_told_where_they_are() {
             vec!["no body `mats`", "`sled`, `mast`"],
         ),
         (
+            "positions = { from = 1 } }, { velocities = { clip = 10 } }",
+            "positions = { clip = -1 } }, { velocities = { clip = -2 } }",
+            vec![
+                "Some(7) `observation`: -1 is out of range",
+                "Some(7) `observation`: -2 is out of range",
+            ],
+        ),
+        (
+            "environments.Sled",
+            "environments.\"my sled\"",
+            vec!["Some(4) `my sled` cannot name an environment"],
+        ),
+        (
+            "[\"Sled\"]",
+            "[\"Zeppelin\"]",
+            vec!["unknown environment `Zeppelin`", ", `Sled`"],
+        ),
+        (
             "[\"Sled\"]",
             "[\"Sledd\"]",
             vec![
@@ -220,6 +238,16 @@ fn mistakes_are_told_where_they_are() {
             vec!["`actions`: actuator 0", "write `actions = \"scaled\"`"],
         ),
         (
+            "timestep=\"0.01\"",
+            "timestep=\"0\"",
+            vec!["Some(5) `model`: its `timestep` is 0"],
+        ),
+        (
+            "timestep=\"0.01\"",
+            "timestep=\"-0.01\"",
+            vec!["Some(5) `model`: its `timestep` is -0.01"],
+        ),
+        (
             "ctrlrange=\"-1 1\"",
             "",
             vec!["`actions`: actuator 0, counted from 0, has no `ctrlrange`"],
@@ -227,7 +255,7 @@ fn mistakes_are_told_where_they_are() {
         (
             "landmark      =",
             "goal = { body = \"mast\" }\nlandmark      =",
-            vec!["Some(4) `Sled`: missing field `target` in `goal`"],
+            vec!["Some(11) `Sled`: `target` is missing"],
         ),
         (
             "landmark      =",

@@ -82,6 +82,11 @@ pub fn run(arguments: &ReproduceArguments) -> anyhow::Result<ExitCode> {
             differences.join(", ")
         );
     }
+    // A mesh beside a user's model may be gone, which says nothing about the run.
+    run.spec
+        .env
+        .build()
+        .with_context(|| format!("{} cannot be reproduced", path.display()))?;
     let summary = compute(&planned, results.path(), None, arguments.quiet)?;
     if summary.interrupted {
         return Ok(ExitCode::from(INTERRUPTED));

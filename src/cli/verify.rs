@@ -202,9 +202,11 @@ fn recorded_ids(folder: &Path, prefix: &str) -> anyhow::Result<Vec<String>> {
         fs::read_dir(folder).with_context(|| format!("cannot read {}", folder.display()))?;
     for entry in entries {
         let entry = entry.with_context(|| format!("cannot read {}", folder.display()))?;
+        let name = entry.file_name().to_string_lossy().into_owned();
         // Links are not followed, since they may lead in a circle.
-        if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
-            let id = format!("{prefix}{}", entry.file_name().to_string_lossy());
+        let is_folder = entry.file_type().is_ok_and(|kind| kind.is_dir());
+        if is_folder && !RunPaths::is_aside(&name) {
+            let id = format!("{prefix}{name}");
             let is_run = RunPaths::manifest(&entry.path()).exists();
             ids.extend(if is_run {
                 vec![id]

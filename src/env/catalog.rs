@@ -240,6 +240,12 @@ pub(super) fn own_number(name: &str) -> Option<usize> {
     Some(SHIPPED.len() + own.last.get(name)?)
 }
 
+/// The names of the user's robots.
+pub(super) fn own_names() -> Vec<&'static str> {
+    let own = OWN.read().unwrap_or_else(PoisonError::into_inner);
+    own.last.keys().copied().collect()
+}
+
 /// The number of the user's `robot` called `name` on `model`; equal robots get the same number as
 /// long as the process lives.
 pub(super) fn intern(name: &str, robot: Robot, model: Model) -> usize {

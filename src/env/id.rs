@@ -77,11 +77,11 @@ impl EnvId {
             });
         }
         let wrong = |key| {
-            move |message| EnvError::Robot {
+            move |flaw| EnvError::Robot {
                 env: name.to_owned(),
                 key,
                 index: None,
-                message,
+                flaw,
             }
         };
         let model = Model::read(&robot.model).map_err(wrong("model"))?;
@@ -94,7 +94,7 @@ impl EnvId {
             model: file,
             ..robot
         };
-        let id = Self::own(name, robot, model).map_err(wrong("model"))?;
+        let id = Self::own(name, robot, model)?;
         id.build()?;
         Ok(id)
     }
@@ -102,12 +102,11 @@ impl EnvId {
     /// # Errors
     ///
     /// The name cannot name a folder.
-    fn own(name: &str, robot: Robot, model: Model) -> Result<Self, String> {
+    fn own(name: &str, robot: Robot, model: Model) -> Result<Self, EnvError> {
         if !is_file_name(name) {
-            return Err(format!(
-                "`{}` cannot name an environment: letters, digits, `.`, `_` and `-` can",
-                name.escape_debug()
-            ));
+            return Err(EnvError::BadName {
+                name: name.to_owned(),
+            });
         }
         Ok(Self(catalog::intern(name, robot, model)))
     }
@@ -208,8 +207,9 @@ impl EnvId {
         })
     }
 
-    /// The message about an unknown `name`: the one that was probably meant, or all that are known.
-    pub fn known_instead(name: &str) -> String {
+    /// The message about an unknown `name`: the one that was probably meant, or all that are known,
+    /// the user's `own` robots among them.
+    pub fn known_instead(name: &str, own: &[&str]) -> String {
         if let Some((id, Some(number))) = Self::of_label(name)
             && name.eq_ignore_ascii_case(&format!("{}-v{number}", id.family()))
             && id.versions().iter().any(|version| version.number == number)
@@ -229,14 +229,18 @@ impl EnvId {
                 .len()
         };
         let distances = Self::known()
-            .map(|(known, _)| (distance(known), known))
+            .map(|(known, _)| known)
+            .chain(own.iter().copied())
+            .map(|known| (distance(known), known))
             .min();
         match distances
             .filter(|(distance, known)| 3 * distance <= letters(name).max(letters(known)))
         {
             Some((_, nearest)) => format!("the nearest known one is `{nearest}`"),
             None => {
-                let names: Vec<String> = Self::shipped().map(|id| format!("`{id}`")).collect();
+                let mut names: Vec<&str> = Self::shipped().map(Self::name).collect();
+                names.extend(own);
+                let names: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
                 format!("the known ones are {}", names.join(", "))
             }
         }
@@ -308,7 +312,7 @@ impl FromStr for EnvId {
             .or_else(|| catalog::own_number(name).map(Self))
             .ok_or_else(|| EnvError::UnknownEnvironment {
                 name: name.to_owned(),
-                known: Self::known_instead(name),
+                known: Self::known_instead(name, &catalog::own_names()),
             })
     }
 }

@@ -6,6 +6,7 @@
 //! descriptor, and all descriptors in one list, `catalog.rs`.
 
 mod catalog;
+mod flaw;
 mod id;
 mod mountain_car;
 mod mujoco;
@@ -16,6 +17,7 @@ mod task;
 mod versions;
 
 pub use catalog::Version;
+pub use flaw::Flaw;
 pub use id::EnvId;
 pub use mujoco::engine_version;
 pub use reward::{Reward, SparseMode};
@@ -127,8 +129,14 @@ pub enum EnvError {
         /// The environment of that name.
         by: EnvId,
     },
+    /// A robot's name cannot name a folder.
+    #[error("`{}` cannot name an environment: letters, digits, `.`, `_` and `-` can, not starting with `.`, at most 100 of them", name.escape_debug())]
+    BadName {
+        /// The name as it was given.
+        name: String,
+    },
     /// The model of a robot lacks something that its table names, or the table itself is wrong.
-    #[error("{env}: {}: {message}", at(key, *index))]
+    #[error("{env}: {}: {flaw}", at(key, *index))]
     Robot {
         /// The robot's name.
         env: String,
@@ -137,7 +145,7 @@ pub enum EnvError {
         /// The element of its list, from 0; absent for a key that is no list.
         index: Option<usize>,
         /// The mistake.
-        message: String,
+        flaw: Flaw,
     },
     /// The physics engine refused its model or state.
     #[error("{env}: MuJoCo: {message}")]

@@ -1,14 +1,14 @@
 //! `mcpo-run demo collect`.
 
 use std::{
-    collections::BTreeMap,
+    collections::{BTreeMap, BTreeSet},
     fs,
     io::{self, Write as _},
     path::{Path, PathBuf},
     process::ExitCode,
 };
 
-use anyhow::{Context, bail};
+use anyhow::{Context, bail, ensure};
 
 use super::{
     super::{chosen::Chosen, print},
@@ -98,6 +98,14 @@ pub fn run(arguments: &CollectArguments) -> anyhow::Result<ExitCode> {
         runs.entry(run.env).or_default().push(run);
     }
     let file = |env: EnvId| arguments.out.join(format!("{env}.parquet"));
+    let mut names = BTreeSet::new();
+    for env in runs.keys() {
+        ensure!(
+            names.insert(env.name()),
+            "two files describe different robots called `{env}`, and there is one {} for them: collect from each file alone, with an `--out` of its own",
+            file(*env).display()
+        );
+    }
     runs.keys()
         .try_for_each(|&env| not_over(&file(env), arguments.force))?;
     fs::create_dir_all(&arguments.out)

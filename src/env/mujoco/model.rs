@@ -12,7 +12,10 @@ use std::{
 
 use serde::{Deserialize, Serialize};
 
-use crate::intake::{self, Links};
+use crate::{
+    env::Flaw,
+    intake::{self, Links},
+};
 
 /// The longest text of a model that is read, bytes.
 const LONGEST_TEXT: u64 = 1 << 24;
@@ -47,14 +50,14 @@ impl Model {
     /// # Errors
     ///
     /// The model, or a file that it names, cannot be read.
-    pub(in crate::env) fn read(path: &Path) -> Result<Self, String> {
-        let told =
-            |path: &Path, error: std::io::Error| format!("cannot read {}: {error}", path.display());
-        let path = std::path::absolute(path).map_err(|error| told(path, error))?;
-        let text =
-            intake::read(&path, Links::Follow, LONGEST_TEXT).map_err(|error| told(&path, error))?;
-        let text =
-            String::from_utf8(text).map_err(|_| format!("{} is not UTF-8 text", path.display()))?;
+    pub(in crate::env) fn read(path: &Path) -> Result<Self, Flaw> {
+        let unreadable = |path: &Path| {
+            let path = path.to_owned();
+            |source| Flaw::Unreadable { path, source }
+        };
+        let path = std::path::absolute(path).map_err(unreadable(path))?;
+        let text = intake::read(&path, Links::Follow, LONGEST_TEXT).map_err(unreadable(&path))?;
+        let text = String::from_utf8(text).map_err(|_| Flaw::NoText { path: path.clone() })?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let mut files = BTreeMap::new();
         let mut waiting = needed(&text);
@@ -93,21 +96,20 @@ impl Model {
     /// # Errors
     ///
     /// A file that it needs has changed.
-    pub(super) fn check_files(&self) -> Result<(), String> {
+    pub(super) fn check_files(&self) -> Result<(), Flaw> {
         let folder = self
             .path
             .as_deref()
             .and_then(Path::parent)
             .unwrap_or(Path::new(""));
         for (name, was) in &self.files {
-            let file = folder.join(name);
-            let bytes = intake::read(&file, Links::Follow, LONGEST_FILE)
-                .map_err(|error| format!("the model needs {}: {error}", file.display()))?;
+            let path = folder.join(name);
+            let bytes = match intake::read(&path, Links::Follow, LONGEST_FILE) {
+                Ok(bytes) => bytes,
+                Err(source) => return Err(Flaw::Missing { path, source }),
+            };
             if digest(&bytes) != *was {
-                return Err(format!(
-                    "{}, which the model needs, is not what it was",
-                    file.display()
-                ));
+                return Err(Flaw::Changed { path });
             }
         }
         Ok(())

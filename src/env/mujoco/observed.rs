@@ -2,7 +2,7 @@
 
 use super::{reading::Bodies, simulation::Simulation};
 use crate::env::{
-    Pose,
+    Flaw, Pose,
     robot::{Part, Range},
 };
 
@@ -40,7 +40,7 @@ impl Observed {
         part: &Part,
         goal: Option<Bodies>,
         simulation: &Simulation,
-    ) -> Result<Self, String> {
+    ) -> Result<Self, Flaw> {
         let (source, range) = match part {
             Part::Positions(range) => (Source::Positions, range),
             Part::Sines(range) => (Source::Sines, range),
@@ -51,18 +51,17 @@ impl Observed {
             Part::Inertias(range) => (Source::Inertias, range),
             Part::BodyVelocities(range) => (Source::BodyVelocities, range),
             Part::ContactForces(range) => (Source::ContactForces, range),
-            Part::FromGoal(range) => (
-                Source::FromGoal(goal.ok_or("`from_goal` needs a `goal`")?),
-                range,
-            ),
+            Part::FromGoal(range) => (Source::FromGoal(goal.ok_or(Flaw::NoGoal)?), range),
         };
         let Range { from, until, clip } = *range;
         let available = source.len(simulation);
         let until = until.unwrap_or(available);
         if until > available || from >= until {
-            return Err(format!(
-                "there are {available} numbers; from {from} to before {until} is no part of them"
-            ));
+            return Err(Flaw::NoPart {
+                available,
+                from,
+                until,
+            });
         }
         Ok(Self {
             source,

@@ -6,7 +6,7 @@ use super::{
     simulation::Simulation,
 };
 use crate::env::{
-    EnvError,
+    EnvError, Flaw,
     robot::{Actions, Condition, InitialNoise, Landmark, Measure, Noise, Robot, Term},
 };
 
@@ -61,11 +61,11 @@ impl Pieces {
         simulation: &Simulation,
     ) -> Result<Self, EnvError> {
         let at = |key: &'static str, index: Option<usize>| {
-            move |message: String| EnvError::Robot {
+            move |flaw| EnvError::Robot {
                 env: name.to_owned(),
                 key,
                 index,
-                message,
+                flaw,
             }
         };
         let read = |measure: &Measure| Reading::new(measure, simulation);
@@ -77,7 +77,7 @@ impl Pieces {
         let goal = goal.map_err(at("goal", None))?;
         let needs_goal = |wanted: bool| {
             if wanted && goal.is_none() {
-                Err("it needs a `goal`".to_owned())
+                Err(Flaw::NoGoal)
             } else {
                 Ok(())
             }
@@ -89,7 +89,7 @@ impl Pieces {
             observation.push(part.map_err(at("observation", Some(index)))?);
         }
         if observation.is_empty() {
-            return Err(at("observation", None)("nothing is observed".to_owned()));
+            return Err(at("observation", None)(Flaw::Blind));
         }
         let mut terms = Vec::new();
         for (index, term) in robot.dense_reward.iter().enumerate() {
@@ -117,8 +117,10 @@ impl Pieces {
             }
         };
         if robot.frame_skip.get() > MOST_STEPS {
-            let message = format!("it is {}; {MOST_STEPS} at most", robot.frame_skip.get());
-            return Err(at("frame_skip", None)(message));
+            return Err(at("frame_skip", None)(Flaw::TooMany {
+                value: robot.frame_skip.get(),
+                most: MOST_STEPS,
+            }));
         }
         let InitialNoise {
             positions,
@@ -133,8 +135,10 @@ impl Pieces {
             .chain(disc.map(|disc| disc.radius.get()))
             .fold(0.0, f64::max);
         if widest > MOST_NOISE {
-            let message = format!("{widest:e} is too wide; {MOST_NOISE:e} at most");
-            return Err(at("initial_noise", None)(message));
+            return Err(at("initial_noise", None)(Flaw::TooWide {
+                spread: widest,
+                most: MOST_NOISE,
+            }));
         }
         if let Some(disc) = disc {
             let last = disc.first.saturating_add(1);
@@ -216,7 +220,7 @@ pub(super) fn paid(
 /// # Errors
 ///
 /// A number of `term` is not finite.
-fn finite(term: &Term) -> Result<(), String> {
+fn finite(term: &Term) -> Result<(), Flaw> {
     let number = match term {
         Term::ForwardVelocity(x) | Term::Alive(x) => *x,
         Term::Deviation(deviation) => deviation.from,
@@ -225,14 +229,14 @@ fn finite(term: &Term) -> Result<(), String> {
     if number.is_finite() {
         Ok(())
     } else {
-        Err(format!("{number} is not a finite number"))
+        Err(Flaw::NotFinite(number))
     }
 }
 
 /// # Errors
 ///
 /// `condition` bounds nothing, or holds for no number.
-fn bounded(condition: &Condition) -> Result<(), String> {
+fn bounded(condition: &Condition) -> Result<(), Flaw> {
     let Condition {
         above,
         below,
@@ -246,10 +250,10 @@ fn bounded(condition: &Condition) -> Result<(), String> {
         .flatten()
         .collect();
     if given.is_empty() {
-        return Err("it has no bound; write `above`, `below`, `at_least` or `at_most`".to_owned());
+        return Err(Flaw::NoBound);
     }
     if let Some(bound) = given.iter().find(|bound| !bound.is_finite()) {
-        return Err(format!("{bound} is not a finite number"));
+        return Err(Flaw::NotFinite(*bound));
     }
     let low = above
         .iter()
@@ -264,7 +268,7 @@ fn bounded(condition: &Condition) -> Result<(), String> {
     if low < high || (low == high && above.is_none() && below.is_none()) {
         Ok(())
     } else {
-        Err(format!("no number is beyond {low} and short of {high}"))
+        Err(Flaw::NoneBetween { low, high })
     }
 }
 
@@ -273,13 +277,11 @@ fn bounded(condition: &Condition) -> Result<(), String> {
 /// # Errors
 ///
 /// There is nothing to control, a control has no range, or raw actions have no common bound.
-fn controls(actions: Actions, simulation: &Simulation) -> Result<Controls, String> {
+fn controls(actions: Actions, simulation: &Simulation) -> Result<Controls, Flaw> {
     let ranges = simulation.control_range();
-    let first = ranges.first().ok_or("the model has no actuators")?;
-    if let Some(index) = simulation.control_limited().position(|limited| !limited) {
-        return Err(format!(
-            "actuator {index}, counted from 0, has no `ctrlrange` in the model"
-        ));
+    let first = ranges.first().ok_or(Flaw::NoActuators)?;
+    if let Some(actuator) = simulation.control_limited().position(|limited| !limited) {
+        return Err(Flaw::NoRange { actuator });
     }
     let bound = first[1];
     match (
@@ -288,12 +290,13 @@ fn controls(actions: Actions, simulation: &Simulation) -> Result<Controls, Strin
     ) {
         (Actions::Scaled, _) => Ok(Controls::Scaled),
         (Actions::Raw, None) => Ok(Controls::Raw { bound }),
-        (Actions::Raw, Some(index)) => {
-            let [low, high] = ranges[index];
-            Err(format!(
-                "actuator {index}, counted from 0, has the range [{low}, {high}], and raw actions need one range for all, the \
-                 same on either side of 0; write `actions = \"scaled\"`"
-            ))
+        (Actions::Raw, Some(actuator)) => {
+            let [low, high] = ranges[actuator];
+            Err(Flaw::UnlikeRange {
+                actuator,
+                low,
+                high,
+            })
         }
     }
 }

@@ -1,7 +1,10 @@
 //! One number of a simulation, with every name already looked up.
 
 use super::simulation::{Named, Simulation};
-use crate::env::robot::{Axis, Goal, Measure, Place};
+use crate::env::{
+    Flaw,
+    robot::{Axis, Goal, Measure, Place},
+};
 
 /// How a [`Measure`] is read.
 #[derive(Debug, Clone, PartialEq)]
@@ -22,7 +25,7 @@ impl Reading {
     /// # Errors
     ///
     /// The model has no such number; the message says what it has.
-    pub(super) fn new(measure: &Measure, simulation: &Simulation) -> Result<Self, String> {
+    pub(super) fn new(measure: &Measure, simulation: &Simulation) -> Result<Self, Flaw> {
         let (nq, nv) = (simulation.qpos().len(), simulation.qvel().len());
         Ok(match measure {
             Measure::Position(i) => Self::Position(within(*i, nq, "positions")?),
@@ -38,9 +41,7 @@ impl Reading {
             Measure::Poles(poles) => {
                 let (angles, lengths) = (poles.angles.len(), poles.lengths.len());
                 if angles != lengths || angles == 0 {
-                    return Err(format!(
-                        "{angles} angles and {lengths} lengths are not one of each for every pole"
-                    ));
+                    return Err(Flaw::Poles { angles, lengths });
                 }
                 let pole = |(angle, length): (&usize, &crate::quantity::Positive)| {
                     Ok((within(*angle, nq, "positions")?, length.get()))
@@ -51,7 +52,7 @@ impl Reading {
                         .iter()
                         .zip(&poles.lengths)
                         .map(pole)
-                        .collect::<Result<_, String>>()?,
+                        .collect::<Result<_, Flaw>>()?,
                 )
             }
         })
@@ -95,7 +96,7 @@ impl Bodies {
     /// # Errors
     ///
     /// The model has no such body.
-    pub(super) fn new(goal: &Goal, simulation: &Simulation) -> Result<Self, String> {
+    pub(super) fn new(goal: &Goal, simulation: &Simulation) -> Result<Self, Flaw> {
         let find = |name| find(simulation, Named::Body, name);
         Ok(Self {
             body: find(&goal.body)?,
@@ -122,42 +123,31 @@ impl Bodies {
     }
 }
 
-/// `i`, if it is a number below `count`.
+/// `index`, if it is a number below `count`.
 ///
 /// # Errors
 ///
-/// `i` is too large.
-pub(super) fn within(i: usize, count: usize, what: &str) -> Result<usize, String> {
-    let last = count.saturating_sub(1);
-    if i < count {
-        Ok(i)
+/// `index` is too large.
+pub(super) fn within(index: usize, count: usize, what: &'static str) -> Result<usize, Flaw> {
+    if index < count {
+        Ok(index)
     } else {
-        Err(format!(
-            "the model has {count} {what}, 0 to {last}, and no number {i}"
-        ))
+        Err(Flaw::NoNumber { index, count, what })
     }
 }
 
-fn find(simulation: &Simulation, kind: Named, name: &str) -> Result<usize, String> {
-    let what = match kind {
-        Named::Body => "body",
-        Named::Site => "site",
-    };
-    simulation.find(kind, name).ok_or_else(|| {
-        let names: Vec<String> = simulation
+fn find(simulation: &Simulation, kind: Named, name: &str) -> Result<usize, Flaw> {
+    simulation.find(kind, name).ok_or_else(|| Flaw::NoSuchName {
+        what: match kind {
+            Named::Body => "body",
+            Named::Site => "site",
+        },
+        name: name.to_owned(),
+        known: simulation
             .names(kind)
             .iter()
-            .map(|name| format!("`{name}`"))
-            .collect();
-        let known = if names.is_empty() {
-            "none".to_owned()
-        } else {
-            names.join(", ")
-        };
-        format!(
-            "the model has no {what} `{}`; it has {known}",
-            name.escape_debug()
-        )
+            .map(ToString::to_string)
+            .collect(),
     })
 }
 

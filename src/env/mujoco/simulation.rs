@@ -5,7 +5,7 @@ use std::{fmt, path::Path, sync::Once};
 use mujoco_rs::{prelude::*, wrappers::mj_auxiliary::MjVfs};
 
 use super::model::Model;
-use crate::env::{EnvError, Pose, check_finite, check_length};
+use crate::env::{EnvError, Flaw, Pose, check_finite, check_length};
 
 /// The parts of the state that the next step depends on, the solver's warm start included.
 const STATE: u32 = MjtState::mjSTATE_INTEGRATION as u32;
@@ -40,19 +40,25 @@ impl Simulation {
                 "the library's version is {version}; {ENGINE_VERSION} is needed"
             )));
         }
-        model.check_files().map_err(|message| EnvError::Robot {
+        let flawed = |flaw| EnvError::Robot {
             env: env.to_owned(),
             key: "model",
             index: None,
-            message,
-        })?;
+            flaw,
+        };
+        model.check_files().map_err(flawed)?;
         let loaded = match &model.path {
             None => MjModel::from_xml_string(&model.text).map_err(said),
             Some(path) => from_text_at(&model.text, path),
         };
         let data = MjData::try_new(Box::new(loaded.map_err(refused)?))
             .map_err(|error| refused(said(error)))?;
-        Ok(Self { env, data })
+        let simulation = Self { env, data };
+        let seconds = simulation.time_step();
+        if !(seconds.is_finite() && seconds > 0.0) {
+            return Err(flawed(Flaw::TimeStep { seconds }));
+        }
+        Ok(simulation)
     }
 
     /// Seconds that one call of `mj_step` takes.
@@ -247,6 +253,10 @@ pub(super) enum Named {
 }
 
 /// The model `text` as if it stood at `path`; MuJoCo looks beside that for the files that it names.
+///
+/// # Errors
+///
+/// MuJoCo refuses it, in these words.
 fn from_text_at(text: &str, path: &Path) -> Result<MjModel, String> {
     let mut files = MjVfs::new();
     files.add_from_buffer(path, text.as_bytes()).map_err(said)?;

@@ -62,7 +62,7 @@ fn claim(rows: &[ClaimRow]) -> String {
          <p>{compared}, over {places}.</p>\n{table}</details>\n",
         mark = verdict(worst(rows)),
         name = prose(&claim.name),
-        compared = prose(&sentence(&text::claims::compared(claim))),
+        compared = prose(&sentence(&text::claims::compared(rows))),
         places = format_args!("{} {}", rows.len(), plural(rows.len(), "row")),
         table = numbers(rows),
     )

@@ -12,9 +12,9 @@ use crate::{
     report::{
         amount,
         claims::{ClaimRow, ClaimVerdict, ClaimsData, Count},
-        notes,
+        notes, reference,
     },
-    spec::{Claim, Part, Relation, Versus},
+    spec::{Part, Relation, Versus},
 };
 
 const TITLE: &str = "Claims";
@@ -52,13 +52,7 @@ fn summary(data: &ClaimsData) -> Grid {
     let headers = ["claim", "what is compared", "verdict"]
         .map(str::to_owned)
         .to_vec();
-    let line = |rows: &[ClaimRow]| {
-        vec![
-            rows[0].claim.name.clone(),
-            compared(&rows[0].claim),
-            overall(rows),
-        ]
-    };
+    let line = |rows: &[ClaimRow]| vec![rows[0].claim.name.clone(), compared(rows), overall(rows)];
     Grid {
         headers,
         rows: data.by_claim().map(line).collect(),
@@ -67,9 +61,14 @@ fn summary(data: &ClaimsData) -> Grid {
     }
 }
 
-/// The comparison that a claim makes, in words: `return of algorithm=mcpo above that of
+/// The comparison that the claim of `rows` makes, in words: `return of algorithm=mcpo above that of
 /// algorithm=ppo`.
-pub fn compared(claim: &Claim) -> String {
+pub fn compared(rows: &[ClaimRow]) -> String {
+    let claim = &rows[0].claim;
+    let has_scale = |row: &ClaimRow| {
+        let env = row.env.as_deref();
+        env.is_none_or(|env| reference::scale(env).is_some())
+    };
     let part = if claim.at == Part::Area {
         " over all of training"
     } else {
@@ -77,7 +76,10 @@ pub fn compared(claim: &Claim) -> String {
     };
     let margin = match (claim.margin, claim.on) {
         (0.0, _) => String::new(),
-        (margin, Measure::Return) => format!(", margin {} of Expert - Random", alone(margin)),
+        // Where the paper has no returns, the margin is one of the returns themselves.
+        (margin, Measure::Return) if rows.iter().any(has_scale) => {
+            format!(", margin {} of Expert - Random", alone(margin))
+        }
         (margin, _) => format!(", margin {}", number(Some(margin))),
     };
     let (of, on) = (&claim.of, &claim.on);
