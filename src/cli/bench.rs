@@ -31,7 +31,8 @@ pub struct BenchArguments {
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
     /// Iterations to measure, after one to warm up
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", default_value_t = 5)]
+    #[arg(value_parser = clap::value_parser!(u32).range(1..))]
     iterations: u32,
     /// Print JSON
     #[arg(long)]

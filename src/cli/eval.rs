@@ -21,7 +21,8 @@ pub struct EvalArguments {
     /// A run's folder, or a policy's file (*.safetensors)
     run: PathBuf,
     /// Episodes with the mean action
-    #[arg(long, value_name = "N", default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..=65_535))]
+    #[arg(long, value_name = "N", default_value_t = 50)]
+    #[arg(value_parser = clap::value_parser!(u32).range(1..=65_535))]
     episodes: u32,
     /// The seed of the initial states
     #[arg(long, value_name = "SEED", default_value_t = 0)]
@@ -47,7 +48,8 @@ fn check_digest(path: &Path) -> anyhow::Result<()> {
     match recorded {
         Some(recorded) if recorded != policy::digest(path)? => {
             bail!(
-                "{} is not the policy that the run.json beside it records; to play it, copy it elsewhere",
+                "{} is not the policy that the run.json beside it records; to play it, copy it \
+                 elsewhere",
                 path.display()
             )
         }

@@ -95,7 +95,8 @@ pub fn show(
         n => format!("; the blocks name {n} of their runs again, which are run once"),
     };
     print(&format!(
-        "{table}\n{}, {finished} finished{differing}, {left} to do: about {} in one process{repeated}{}\n{}",
+        "{table}\n{}, {finished} finished{differing}, {left} to do: about {} in one \
+         process{repeated}{}\n{}",
         counted(planned.len(), "run"),
         clock(seconds_left),
         evaluated_otherwise(planned, &states),
@@ -123,7 +124,8 @@ fn whole_rollouts(planned: &[Planned]) -> String {
         thousands(first.rollout.steps.get() as f64),
     );
     format!(
-        "{runs} will train longer than the budget, since rollouts are whole: {trained} steps for {budget} with rollouts of {take}\n"
+        "{runs} will train longer than the budget, since rollouts are whole: {trained} steps for \
+         {budget} with rollouts of {take}\n"
     )
 }
 
@@ -147,7 +149,11 @@ pub(super) fn seconds_of(run: &Planned, state: &RunState, costs: &CostModel) -> 
 /// asked for now.
 pub(super) fn evaluated_otherwise(planned: &[Planned], states: &[RunState]) -> String {
     let otherwise = planned.iter().zip(states).filter(|(run, state)| {
-        matches!(state, RunState::Finished(manifest) if !run.evaluated_otherwise(&manifest.stamp).is_empty())
+        matches!(
+            state,
+            RunState::Finished(manifest)
+                if !run.evaluated_otherwise(&manifest.stamp).is_empty()
+        )
     });
     match otherwise.count() {
         0 => String::new(),
@@ -200,7 +206,8 @@ fn reason(run: &Planned, state: &RunState) -> String {
         } => {
             let recorded = steps(shorter.env_steps);
             format!(
-                "will run from its start: recorded with {recorded} steps, whose last state was not kept"
+                "will run from its start: recorded with {recorded} steps, whose last state was not \
+                 kept"
             )
         }
         RunState::Finished(manifest) => {

@@ -35,7 +35,8 @@ pub struct ReportArguments {
     strict: bool,
     /// Write the report again whenever more is recorded, looking every so many seconds (10), until
     /// all runs have ended
-    #[arg(long, value_name = "SECONDS", num_args = 0..=1, default_missing_value = "10", require_equals = true)]
+    #[arg(long, value_name = "SECONDS", num_args = 0..=1)]
+    #[arg(default_missing_value = "10", require_equals = true)]
     #[arg(value_parser = clap::value_parser!(u16).range(1..))]
     watch: Option<u16>,
     /// Also write what other programs read, into the report's folder `export`

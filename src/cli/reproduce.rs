@@ -140,7 +140,8 @@ fn compared(
             }
             Some("safetensors") if exactness == Exactness::FirstIteration => {
                 bail!(
-                    "{} was computed in another numeric class; no policy has the same numbers in both",
+                    "{} was computed in another numeric class; no policy has the same numbers in \
+                     both",
                     path.display()
                 )
             }

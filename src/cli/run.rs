@@ -193,7 +193,8 @@ fn greeting(
         String::new()
     };
     format!(
-        "{experiments}: {} to do{before}; {} on {}; {} steps in all\n{jobs} at a time, about {}; results in {}",
+        "{experiments}: {} to do{before}; {} on {}; {} steps in all\n\
+         {jobs} at a time, about {}; results in {}",
         counted(due.len(), "run"),
         names(|spec| spec.algorithm_name().to_owned()),
         names(|spec| spec.env.to_string()),

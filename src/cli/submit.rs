@@ -181,8 +181,8 @@ impl Experiment<'_> {
         let Some(chunks) = script::chunks(elements.len(), most, request.throttle) else {
             let (elements, throttle) = (elements.len(), request.throttle.unwrap_or_default());
             bail!(
-                "{elements} elements are more arrays of {most}, the cluster's most, than may run at a time ({throttle}); \
-                 --pack N puts more runs into an element"
+                "{elements} elements are more arrays of {most}, the cluster's most, than may run \
+                 at a time ({throttle}); --pack N puts more runs into an element"
             );
         };
         if self.arguments.dry_run {
@@ -334,7 +334,8 @@ impl Experiment<'_> {
         let runs = counted(elements.iter().map(Vec::len).sum(), "run");
         let elements = counted(elements.len(), "element");
         print(&format!(
-            "{name}: {runs} in {elements} submitted as job {}, the report as job {job}; logs in {}\n",
+            "{name}: {runs} in {elements} submitted as job {}, the report as job {job}; logs in \
+             {}\n",
             jobs.join(", "),
             folder.join("log").display(),
         ))

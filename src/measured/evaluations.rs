@@ -30,7 +30,8 @@ columns! { EvaluationEpisode;
         "Counted from 0 within the evaluation";
     DENSE_RETURN "dense_return" Number = dense_return, Measured, "return", "dense reward",
         "Return in the dense reward";
-    TRAINING_RETURN "training_return" Number = training_return, Measured, "return", "training reward",
+    TRAINING_RETURN "training_return" Number = training_return, Measured,
+        "return", "training reward",
         "Return in the reward that is trained on";
     LENGTH "length" Whole = length, Measured, "episode length", "steps",
         "Length of the episode";

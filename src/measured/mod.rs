@@ -119,8 +119,8 @@ impl<R> Column<R> {
 ///
 /// A line is `STATIC "name" ["alias"] Kind = field.of.the.row, Role, "words", "unit", "meaning";`.
 macro_rules! columns {
-    ($row:ty; $($id:ident $name:literal $([$alias:literal])? $kind:ident = $($path:ident).+, $role:ident,
-        $words:literal, $unit:literal, $meaning:literal;)*) => {
+    ($row:ty; $($id:ident $name:literal $([$alias:literal])? $kind:ident = $($path:ident).+,
+        $role:ident, $words:literal, $unit:literal, $meaning:literal;)*) => {
         $(
             #[doc = $meaning]
             pub static $id: Column<$row> = Column {

@@ -47,9 +47,11 @@ columns! { Iteration;
         "Steps in the environments so far, this iteration's included";
     EPISODES "episodes" Whole = episodes, Measured, "", "",
         "Episodes that ended in this iteration's rollout";
-    DENSE_RETURN "dense_return" MaybeNumber = dense_return, Measured, "return while training", "dense reward",
+    DENSE_RETURN "dense_return" MaybeNumber = dense_return, Measured,
+        "return while training", "dense reward",
         "Mean return of those episodes in the dense reward";
-    TRAINING_RETURN "training_return" MaybeNumber = training_return, Measured, "return", "training reward",
+    TRAINING_RETURN "training_return" MaybeNumber = training_return, Measured,
+        "return", "training reward",
         "Mean return of those episodes in the reward that is trained on";
     EPISODE_LENGTH "episode_length" MaybeNumber = episode_length, Measured, "", "steps",
         "Mean length of those episodes";
@@ -83,10 +85,12 @@ columns! { Iteration;
         "Products that conjugate gradient took";
     RECOVERY_STEPS "recovery_steps" MaybeWhole = update.recovery_steps, Measured, "", "",
         "Steps of the recovery by Eq. (13)";
-    DISCRIMINATOR_LOSS "discriminator_loss" MaybeNumber = update.discriminator_loss, Measured, "", "",
+    DISCRIMINATOR_LOSS "discriminator_loss" MaybeNumber = update.discriminator_loss, Measured,
+        "", "",
         "Loss of the discriminator (POfD, GAIL)";
     CLONING_LOSS "cloning_loss" MaybeNumber = update.cloning_loss, Measured, "", "",
-        "Loss of behaviour cloning on the demonstration: before the update (pre-training), at the end of cloning (BC)";
+        "Loss of behaviour cloning on the demonstration: before the update (pre-training), \
+         at the end of cloning (BC)";
     PHYSICS_SECONDS "physics_seconds" Number = physics_seconds, Clock, "physics", "s",
         "Time in the environments' physics, a part of the rollout's";
     ROLLOUT_SECONDS "rollout_seconds" Number = rollout_seconds, Clock, "rollout", "s",

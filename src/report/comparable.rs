@@ -117,7 +117,8 @@ fn under_way(runs: &mut [Run]) -> Option<String> {
             let_go.push(run.spec.id.clone());
         }
     }
-    let reason = "Under way with another demonstration or other versions than those beside them, and not drawn";
+    let reason = "Under way with another demonstration or other versions than those beside them, \
+        and not drawn";
     (!let_go.is_empty()).then(|| format!("{reason}: {}.", let_go.join(", ")))
 }
 
@@ -150,8 +151,10 @@ fn budgets(plan: &[RunSpec], runs: &mut [Run]) -> Vec<String> {
             .all(|pair| (pair.1, pair.2) == (recorded, wanted))
         {
             if recorded != wanted {
-                remarks
-                    .push(format!("All runs in {env} were recorded with another `{BUDGET}`: {recorded} -> {wanted}."));
+                remarks.push(format!(
+                    "All runs in {env} were recorded with another `{BUDGET}`: \
+                     {recorded} -> {wanted}."
+                ));
             }
             continue;
         }

@@ -323,10 +323,11 @@ fn settle(rows: &mut [CompareRow], tests: &[Option<Test>]) {
 
 fn notes_of(rows: &[CompareRow], alone: &[Vec<String>; 2]) -> Vec<String> {
     let mut notes = vec![
-        "A, B: mean ± half-width of the 95 % Student t interval over seeds, of the dense return of the final evaluation. Difference: B less A, \
-         Welch's 90 % interval. Reproduced: within a tenth of the paper's Expert - Random. Better, worse: B beyond it, at 5 % after \
-         Holm's correction over all cells. Runs that failed count a second time at the random policy's return; a verdict holds both \
-         ways."
+        "A, B: mean ± half-width of the 95 % Student t interval over seeds, of the dense return of \
+         the final evaluation. Difference: B less A, Welch's 90 % interval. Reproduced: within a \
+         tenth of the paper's Expert - Random. Better, worse: B beyond it, at 5 % after Holm's \
+         correction over all cells. Runs that failed count a second time at the random policy's \
+         return; a verdict holds both ways."
             .to_owned(),
     ];
     for row in rows.iter().filter(|row| !row.changes.is_empty()) {

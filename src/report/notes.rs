@@ -18,10 +18,11 @@ use super::{
 const ENOUGH_SEEDS: usize = 10;
 
 /// How to read differences and verdicts.
-const VERDICTS: &str = "Difference: ours less the paper's in the expected best of five seeds, its 90 % interval; seeds are taken to be \
-    normal, and the paper's to deviate as ours do. Reproduced: within a tenth of the paper's Expert - Random. Better, worse: beyond \
-    it, at 5 % after Holm's correction over all cells of the report. Runs that failed count a second time at the random policy's \
-    return; a verdict holds both ways.";
+const VERDICTS: &str = "Difference: ours less the paper's in the expected best of five seeds, its \
+    90 % interval; seeds are taken to be normal, and the paper's to deviate as ours do. \
+    Reproduced: within a tenth of the paper's Expert - Random. Better, worse: beyond it, at 5 % \
+    after Holm's correction over all cells of the report. Runs that failed count a second time at \
+    the random policy's return; a verdict holds both ways.";
 
 /// The notes of a table over `runs`, whose rows are `rows`.
 pub fn of_table(runs: &[&Run], rows: &[Row]) -> Vec<String> {
@@ -31,14 +32,20 @@ pub fn of_table(runs: &[&Run], rows: &[Row]) -> Vec<String> {
         .collect();
     let mut notes = vec![finished(runs.iter().copied(), runs.len())];
     notes.push(
-        "Ours: mean ± half-width of the 95 % Student t interval over seeds, of the dense return of the final evaluation \
-         (a seed's value is the mean over its episodes)."
+        "Ours: mean ± half-width of the 95 % Student t interval over seeds, of the dense return of \
+         the final evaluation (a seed's value is the mean over its episodes)."
             .to_owned(),
     );
     if cells.iter().any(|cell| cell.paper.is_some()) {
         notes.push(format!(
-            "The paper's: mean ± standard deviation over 50 episodes under the best policy of five seeds; {}.",
-            best_seed(cells.iter().filter(|cell| cell.paper.is_some()).map(|cell| cell.seeds))
+            "The paper's: mean ± standard deviation over 50 episodes under the best policy of five \
+             seeds; {}.",
+            best_seed(
+                cells
+                    .iter()
+                    .filter(|cell| cell.paper.is_some())
+                    .map(|cell| cell.seeds)
+            )
         ));
     }
     if cells.iter().any(|cell| cell.comparison.is_some()) {
@@ -52,8 +59,8 @@ pub fn of_table(runs: &[&Run], rows: &[Row]) -> Vec<String> {
     if !departures.is_empty() {
         let list = departures.into_iter().collect::<Vec<_>>().join(", ");
         notes.push(format!(
-            "The paper's values are of its setting, which the defaults are as far as it is known; runs that depart from them \
-             have none beside them: {list}."
+            "The paper's values are of its setting, which the defaults are as far as it is known; \
+             runs that depart from them have none beside them: {list}."
         ));
     }
     // A table of one column is a list, which has no column for demonstrations.
@@ -69,20 +76,29 @@ pub fn of_table(runs: &[&Run], rows: &[Row]) -> Vec<String> {
         ));
     }
     let budget = span(runs, |run| run.spec.budget.env_steps.get(), steps);
-    notes.push(if runs.iter().any(|run| run.spec.trains_noticeably_longer()) {
-        let training: Vec<&Run> = runs.iter().copied().filter(|run| run.spec.trained_steps() > 0).collect();
-        let trained = span(&training, |run| run.spec.trained_steps(), steps);
-        format!("Budget: {budget} environment steps; trained for {trained}, since rollouts are whole.")
-    } else {
-        format!("Budget: {budget} environment steps.")
-    });
+    notes.push(
+        if runs.iter().any(|run| run.spec.trains_noticeably_longer()) {
+            let training: Vec<&Run> = runs
+                .iter()
+                .copied()
+                .filter(|run| run.spec.trained_steps() > 0)
+                .collect();
+            let trained = span(&training, |run| run.spec.trained_steps(), steps);
+            format!(
+                "Budget: {budget} environment steps; trained for {trained}, \
+                 since rollouts are whole."
+            )
+        } else {
+            format!("Budget: {budget} environment steps.")
+        },
+    );
     let short = |run: &Run| run.spec.budget.env_steps.get() < reference::assumed_budget(&run.spec);
     let short: Vec<&Run> = runs.iter().copied().filter(|run| short(run)).collect();
     if !short.is_empty() && cells.iter().any(|cell| cell.paper.is_some()) {
         let assumed = span(&short, |run| reference::assumed_budget(&run.spec), steps);
         notes.push(format!(
-            "The paper prints no length: its values are compared with runs of {assumed} steps, a choice of this program; shorter \
-             ones stand beside them without a verdict."
+            "The paper prints no length: its values are compared with runs of {assumed} steps, a \
+             choice of this program; shorter ones stand beside them without a verdict."
         ));
     }
     let episodes = span(
@@ -102,17 +118,20 @@ pub fn of_table(runs: &[&Run], rows: &[Row]) -> Vec<String> {
 /// The notes of claims whose rows are `rows`.
 pub fn of_claims(rows: &[ClaimRow]) -> Vec<String> {
     let mut notes = vec![
-        "Difference: mean over seeds of the first runs less that of the others, with Welch's interval; over several environments in units \
-         of the paper's Expert - Random. Above: the share of pairs of seeds in which the first is above the other."
+        "Difference: mean over seeds of the first runs less that of the others, with Welch's \
+         interval; over several environments in units of the paper's Expert - Random. Above: the \
+         share of pairs of seeds in which the first is above the other."
             .to_owned(),
-        "A claim holds, or is contradicted, at 5 % after Holm's correction over its rows; p is the smaller of both p values. Runs \
-         that failed count a second time at the random policy's return; a verdict holds both ways."
+        "A claim holds, or is contradicted, at 5 % after Holm's correction over its rows; p is the \
+         smaller of both p values. Runs that failed count a second time at the random policy's \
+         return; a verdict holds both ways."
             .to_owned(),
     ];
     if rows.iter().any(|row| row.claim.is == Relation::Kept) {
         notes.push(
-            "Share: of the iterations after the first in which the constraint was met, those in which MMD² was at most a thousandth \
-             above the tolerance in force; mean over seeds with Student's interval."
+            "Share: of the iterations after the first in which the constraint was met, those in \
+             which MMD² was at most a thousandth above the tolerance in force; mean over seeds \
+             with Student's interval."
                 .to_owned(),
         );
     }
@@ -187,7 +206,8 @@ fn few_seeds(seeds: impl Iterator<Item = usize>) -> Option<String> {
     let fewest = seeds.filter(|seeds| *seeds > 0).min()?;
     (fewest < ENOUGH_SEEDS).then(|| {
         format!(
-            "Fewer than {ENOUGH_SEEDS} seeds ({fewest}): the intervals hold for normal samples only, and say little of small differences."
+            "Fewer than {ENOUGH_SEEDS} seeds ({fewest}): the intervals hold for normal samples \
+             only, and say little of small differences."
         )
     })
 }

@@ -129,7 +129,8 @@ fn said(shown: &Shown, runs: &[&Run]) -> String {
             None => by_value.push((text, [*env].into())),
         }
     }
-    by_value.sort_by_key(|(_, envs)| std::cmp::Reverse(envs.len())); // stable: of equals the first stays first
+    // The sort is stable: of equals the first stays first.
+    by_value.sort_by_key(|(_, envs)| std::cmp::Reverse(envs.len()));
     let mut values = by_value.iter();
     let Some((most, _)) = values.next() else {
         return String::new();

@@ -297,13 +297,17 @@ fn profile(found: &[Found<'_>], keys: &[Key]) -> CurveData {
         looks: found.iter().map(|(_, look, ..)| *look).collect(),
         panels: vec![Panel {
             title: "All environments".to_owned(),
-            curves: found.iter().map(|(_, _, scores, _)| curve(scores)).collect(),
+            curves: found
+                .iter()
+                .map(|(_, _, scores, _)| curve(scores))
+                .collect(),
             demo: None,
         }],
         band: Band::Bootstrap,
         caption: Some(
-            "The share of runs whose normalised return is above a threshold, the mean over environments; shaded: pointwise 95 % \
-             bootstrap interval, which is too narrow for few seeds."
+            "The share of runs whose normalised return is above a threshold, the mean over \
+             environments; shaded: pointwise 95 % bootstrap interval, which is too narrow for few \
+             seeds."
                 .to_owned(),
         ),
         ..CurveData::default()
@@ -324,11 +328,13 @@ fn notes(
     });
     let mut notes = vec![
         format!(
-            "Scores: dense returns of the final evaluation, of which the paper's Random has 0 and its Expert 1; over {counted}."
+            "Scores: dense returns of the final evaluation, of which the paper's Random has 0 and \
+             its Expert 1; over {counted}."
         ),
-        "IQM: the mean of the middle half of all runs' scores. Median and mean: over environments, of their means over seeds. Gap: by how \
-         much scores are short of 1. Area: under the learning curve, over its length. Half: the median share of the budget after \
-         which a run was first evaluated with half of what the Expert gains on Random."
+        "IQM: the mean of the middle half of all runs' scores. Median and mean: over environments, \
+         of their means over seeds. Gap: by how much scores are short of 1. Area: under the \
+         learning curve, over its length. Half: the median share of the budget after which a run \
+         was first evaluated with half of what the Expert gains on Random."
             .to_owned(),
     ];
     if methods.len() > 1 {
@@ -343,8 +349,9 @@ fn notes(
         .min()
         .unwrap_or(0);
     notes.push(format!(
-        "In brackets: the 95 % stratified percentile bootstrap interval ({RESAMPLES} resamples). It is too narrow for few seeds (the fewest \
-         here: {fewest}): of normal samples it holds the mean over many environments 89 % of the time with 3 seeds in each and 92 % with 5, \
+        "In brackets: the 95 % stratified percentile bootstrap interval ({RESAMPLES} resamples). \
+         It is too narrow for few seeds (the fewest here: {fewest}): of normal samples it holds \
+         the mean over many environments 89 % of the time with 3 seeds in each and 92 % with 5, \
          and in one environment 75 % and 84 %."
     ));
     if !left_out.is_empty() {

@@ -102,7 +102,8 @@ pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Wri
     if !unknown.is_empty() {
         let unknown: String = unknown.into_iter().collect();
         state.push(format!(
-            "The figures' font has no {unknown}: a PNG shows boxes, an SVG what its reader's fonts have."
+            "The figures' font has no {unknown}: a PNG shows boxes, an SVG what its reader's fonts \
+             have."
         ));
     }
     let contents = Contents {

@@ -60,7 +60,8 @@ pub(crate) mod tests {
     /// A small run of its own, told apart by `name` and `seed`.
     pub(crate) fn spec(name: &str, seed: u64) -> RunSpec {
         let text = format!(
-            "name = {name:?}\nbudget.env_steps = 1024\nrollout.steps = 256\nnetwork.hidden = [8]\nalgorithms.ppo.minibatch = 64\n\
+            "name = {name:?}\nbudget.env_steps = 1024\nrollout.steps = 256\nnetwork.hidden = [8]\n\
+             algorithms.ppo.minibatch = 64\n\
              [[matrix]]\nseed = [{seed}]\nenv = [\"InvertedPendulum-v2\"]\nalgorithm = [\"ppo\"]\n"
         );
         let spec =

@@ -28,7 +28,8 @@ pub enum Problem {
     SamePlace(PathBuf),
     /// The recorded run has another specification.
     #[error(
-        "{} holds another run; it differs in {}; --results DIR records elsewhere, --fresh sets it aside and starts again",
+        "{} holds another run; it differs in {}; --results DIR records elsewhere, \
+         --fresh sets it aside and starts again",
         folder.display(),
         keys.join(", ")
     )]
@@ -48,7 +49,11 @@ pub enum Problem {
     #[error("{} cannot be set aside: another process works on it", .0.display())]
     InUse(PathBuf),
     /// The results would not fit.
-    #[error("{} has {available_mib} MiB left; these runs may need {needed_mib} MiB; free some space, or name another folder with --results", folder.display())]
+    #[error(
+        "{} has {available_mib} MiB left; these runs may need {needed_mib} MiB; free some space, \
+         or name another folder with --results",
+        folder.display()
+    )]
     NoSpace {
         /// The folder of all results.
         folder: PathBuf,
@@ -252,7 +257,8 @@ fn bytes_needed(spec: &RunSpec) -> u64 {
         .windows(2)
         .map(|pair| pair[0].saturating_mul(pair[1]))
         .sum();
-    let parameters = inside + 120 * hidden.iter().sum::<u64>(); // Ant's 111 observations are the most
+    // 120: Ant's 111 observations are the most.
+    let parameters = inside + 120 * hidden.iter().sum::<u64>();
     let network = 4 * parameters; // f32
     let steps = spec.budget.env_steps.get();
     let rows = 300

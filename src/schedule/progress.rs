@@ -177,7 +177,8 @@ impl Progress {
     /// Removes run `number`, which is no longer under way here and has not ended.
     pub fn leave(&mut self, number: usize) {
         if let Some(run) = self.remove(number) {
-            self.work_left += run.work_per_step * run.env_steps as f64; // it will begin again, and say where
+            // It will begin again, and say where.
+            self.work_left += run.work_per_step * run.env_steps as f64;
         }
     }
 

@@ -301,7 +301,8 @@ fn told(row: &Iteration) -> String {
             Value::Object(fields) => fields
                 .iter()
                 .for_each(|(name, value)| add(name, value, told)),
-            Value::Null | Value::Array(_) => {} // what it does not have, and the parts of its seconds
+            // Null is a number that the algorithm does not have, an array the parts of its seconds.
+            Value::Null | Value::Array(_) => {}
             value => told.push(format!("{name} {value}")),
         }
     }

@@ -42,7 +42,10 @@ enum WorkerError {
     Record(#[from] RecordError),
     #[error(transparent)]
     Train(#[from] TrainError),
-    #[error("{} was recorded by another specification (fingerprint {found}; this one has {expected})", folder.display())]
+    #[error(
+        "{} was recorded by another specification (fingerprint {found}; this one has {expected})",
+        folder.display()
+    )]
     AnotherRun {
         folder: PathBuf,
         found: String,

@@ -385,7 +385,8 @@ fn missing_demonstration(
         ),
         label: Some(format!("needs {}", settings.demonstrations.display())),
         help: Some(format!(
-            "`mcpo-run demo collect` or `demo import` writes one; `environments.\"{env}\".demonstrations` names another"
+            "`mcpo-run demo collect` or `demo import` writes one; \
+             `environments.\"{env}\".demonstrations` names another"
         )),
         parameters: vec![Parameter::Setting("demonstrations".into())],
     })

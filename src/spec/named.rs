@@ -43,8 +43,12 @@ macro_rules! by_name {
         }
 
         impl<'de> serde::Deserialize<'de> for $type {
-            fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-                $crate::spec::named::named(&<String as serde::Deserialize>::deserialize(deserializer)?)
+            fn deserialize<D: serde::Deserializer<'de>>(
+                deserializer: D,
+            ) -> Result<Self, D::Error> {
+                $crate::spec::named::named(&<String as serde::Deserialize>::deserialize(
+                    deserializer,
+                )?)
             }
         }
 

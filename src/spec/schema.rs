@@ -139,7 +139,15 @@ pub fn schema() -> Value {
 
 /// A block of the matrix: a list for every parameter.
 fn block() -> Value {
-    let values = |description: &str, items: Value| json!({ "type": "array", "minItems": 1, "uniqueItems": true, "description": description, "items": items });
+    let values = |description: &str, items: Value| {
+        json!({
+            "type": "array",
+            "minItems": 1,
+            "uniqueItems": true,
+            "description": description,
+            "items": items,
+        })
+    };
     let environments: Vec<&str> = EnvId::known().map(|(name, _)| name).collect();
     let mut keys = Map::new();
     keys.insert(
@@ -228,7 +236,12 @@ fn one_of(schema: &mut Value, names: &[String]) {
 }
 
 fn object(description: &str, properties: Map<String, Value>) -> Value {
-    json!({ "type": "object", "description": description, "properties": properties, "additionalProperties": false })
+    json!({
+        "type": "object",
+        "description": description,
+        "properties": properties,
+        "additionalProperties": false,
+    })
 }
 
 fn list(description: &str, items: Value) -> Value {
@@ -236,7 +249,11 @@ fn list(description: &str, items: Value) -> Value {
 }
 
 fn name(description: &str) -> Value {
-    json!({ "type": "string", "description": description, "pattern": "^[A-Za-z0-9_-][A-Za-z0-9._-]{0,99}$" })
+    json!({
+        "type": "string",
+        "description": description,
+        "pattern": "^[A-Za-z0-9_-][A-Za-z0-9._-]{0,99}$",
+    })
 }
 
 fn properties(schema: &Value) -> Map<String, Value> {

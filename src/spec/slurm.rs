@@ -85,7 +85,8 @@ macro_rules! text {
 
             fn try_from(text: String) -> Result<Self, NotOne> {
                 let is: fn(&str) -> bool = $is;
-                let is_line = !text.chars().any(char::is_control) && (1..=1000).contains(&text.len());
+                let is_line =
+                    !text.chars().any(char::is_control) && (1..=1000).contains(&text.len());
                 if is_line && is(&text) {
                     Ok(Self(text))
                 } else {
@@ -128,7 +129,10 @@ text! {
 text! {
     /// One option of `sbatch` with its value.
     SbatchOption, is_free,
-    format!("an option of sbatch such as --constraint=avx512; these are set by the program: {}", OWN.join(", "))
+    format!(
+        "an option of sbatch such as --constraint=avx512; these are set by the program: {}",
+        OWN.join(", ")
+    )
 }
 
 /// The options of `sbatch` that the program sets itself.

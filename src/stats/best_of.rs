@@ -11,7 +11,8 @@
 //! mean. Then
 //!
 //! ```text
-//! P = mu' + sigma M          m = mu + sigma Z / sqrt(n)          S = sigma W          D = (mu + c sigma) - (mu' + c sigma)
+//! P = mu' + sigma M          m = mu + sigma Z / sqrt(n)          S = sigma W
+//! D = (mu + c sigma) - (mu' + c sigma)
 //! ```
 //!
 //! with Z standard normal, (n - 1) W^2 chi-squared with n - 1 degrees of freedom, and M, Z, W

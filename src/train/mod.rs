@@ -82,7 +82,8 @@ pub enum TrainError {
     Demo(#[from] DemoError),
     /// An algorithm that needs a demonstration was given none.
     #[error(
-        "this algorithm needs a demonstration; name its file with `environments.<env>.demonstrations`"
+        "this algorithm needs a demonstration; name its file with \
+         `environments.<env>.demonstrations`"
     )]
     NoDemonstration,
     /// The update failed.

@@ -37,7 +37,8 @@ pub struct CollectArguments {
     #[arg(long)]
     force: bool,
     /// Initial states that each policy is tried from
-    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(long, value_name = "N", default_value_t = 8)]
+    #[arg(value_parser = clap::value_parser!(u32).range(1..=1000))]
     starts: u32,
     /// The return to come close to, whatever else the episode is like [default: the paper's Demo
     /// column, and within 1 % of it the likeness to the authors' demonstration]
@@ -102,7 +103,8 @@ pub fn run(arguments: &CollectArguments) -> anyhow::Result<ExitCode> {
     for env in runs.keys() {
         ensure!(
             names.insert(env.name()),
-            "two files describe different robots called `{env}`, and there is one {} for them: collect from each file alone, with an `--out` of its own",
+            "two files describe different robots called `{env}`, and there is one {} for them: \
+             collect from each file alone, with an `--out` of its own",
             file(*env).display()
         );
     }
@@ -124,7 +126,8 @@ pub fn run(arguments: &CollectArguments) -> anyhow::Result<ExitCode> {
     }
     if !missing.is_empty() {
         bail!(
-            "no run kept a policy for {}; run the experiment first (it needs `checkpoint.keep_policy_every`)",
+            "no run kept a policy for {}; run the experiment first (it needs \
+             `checkpoint.keep_policy_every`)",
             missing.join(", ")
         );
     }
@@ -318,9 +321,9 @@ fn tell(candidate: &Candidate, wanted: &Wanted, written: &Demonstration) -> anyh
     } = wanted;
     let env = run.env;
     print(&format!(
-        "{env:<26} {:>4} steps, return {dense_return:>9.2} (wanted {wanted_return:.2}, the policy's mean \
-         {mean_return:.0}), action rms {:.3}, D of doing nothing {:.1e}: \
-         {} after {env_steps} steps, initial state {start}\n",
+        "{env:<26} {:>4} steps, return {dense_return:>9.2} (wanted {wanted_return:.2}, the \
+         policy's mean {mean_return:.0}), action rms {:.3}, D of doing nothing {:.1e}: {} after \
+         {env_steps} steps, initial state {start}\n",
         written.len(),
         written.action_rms(),
         mmd_of_doing_nothing(written),

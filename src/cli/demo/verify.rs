@@ -84,7 +84,8 @@ pub fn run(arguments: &VerifyArguments) -> anyhow::Result<ExitCode> {
     };
     print(&format!(
         "{file} in {env}: {size}\n\
-         greatest deviation of an observation  {observation:e}{observation_at} (tolerance {observation_tolerance:e})\n\
+         greatest deviation of an observation  {observation:e}{observation_at} \
+         (tolerance {observation_tolerance:e})\n\
          greatest deviation of a reward        {reward} (tolerance {reward_tolerance:e})\n\
          episodes that end otherwise           {ends}{end_at}\n\
          the replay {verdict} the recording\n{version}",

@@ -1,8 +1,8 @@
 //! Recorded results in the formats of other programs.
 //!
 //! Owns the files that TensorBoard, rliable, marl-eval and spreadsheets read. Knows nothing of
-//! tables or verdicts. Start at
-//! [`export`]. Everything is written into `export` within the report's folder, which is made anew each time.
+//! tables or verdicts. Start at [`export`]. Everything is written into `export` within the
+//! report's folder, which is made anew each time.
 
 mod rows;
 mod scores;

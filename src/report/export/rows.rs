@@ -89,8 +89,16 @@ pub fn figure(data: &CurveData) -> Value {
             "series": name,
             x: curve.points.iter().map(|point| point.env_steps).collect::<Vec<_>>(),
             "mean": curve.points.iter().map(|point| point.mean).collect::<Vec<_>>(),
-            "low": curve.points.iter().map(|point| point.band.map(|band| band.0)).collect::<Vec<_>>(),
-            "high": curve.points.iter().map(|point| point.band.map(|band| band.1)).collect::<Vec<_>>(),
+            "low": curve
+                .points
+                .iter()
+                .map(|point| point.band.map(|band| band.0))
+                .collect::<Vec<_>>(),
+            "high": curve
+                .points
+                .iter()
+                .map(|point| point.band.map(|band| band.1))
+                .collect::<Vec<_>>(),
             "seeds": singles.collect::<serde_json::Map<_, _>>(),
             "planned_seeds": curve.planned,
             "gaps": curve.gaps,

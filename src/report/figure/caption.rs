@@ -43,7 +43,8 @@ pub fn notes(data: &CurveData) -> Notes {
     let curves: Vec<(&str, &str, &Curve)> = data
         .panels
         .iter()
-        .filter(|panel| panel.curves.iter().flatten().any(|curve| curve.seeds > 0)) // the others say so themselves
+        // A panel without any seeds says so itself.
+        .filter(|panel| panel.curves.iter().flatten().any(|curve| curve.seeds > 0))
         .flat_map(|panel| {
             let named = data.series.iter().zip(&panel.curves);
             named.filter_map(|(name, curve)| {

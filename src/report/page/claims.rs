@@ -58,7 +58,8 @@ fn claim(rows: &[ClaimRow]) -> String {
         String::new()
     };
     format!(
-        "<details class=\"claim\">\n<summary>{mark}<span class=\"name\">{name}</span>{told}</summary>\n\
+        "<details class=\"claim\">\n\
+         <summary>{mark}<span class=\"name\">{name}</span>{told}</summary>\n\
          <p>{compared}, over {places}.</p>\n{table}</details>\n",
         mark = verdict(worst(rows)),
         name = prose(&claim.name),
@@ -115,7 +116,8 @@ fn numbers(rows: &[ClaimRow]) -> String {
             .map(|cell| format!("<td class=\"n\">{}</td>", prose(cell)))
             .concat();
         format!(
-            "<tr><th scope=\"row\">{}</th><td class=\"n\">{}</td><td class=\"n\">{}</td><td>{}</td>{numbers}<td>{}</td></tr>\n",
+            "<tr><th scope=\"row\">{}</th><td class=\"n\">{}</td><td class=\"n\">{}</td>\
+             <td>{}</td>{numbers}<td>{}</td></tr>\n",
             prose(place),
             prose(difference),
             prose(interval),

@@ -50,7 +50,8 @@ pub fn body(figures: &[Figure<'_>]) -> String {
         };
         let extensions: Vec<&str> = figure.files.clone();
         format!(
-            "<figure id=\"{name}\" data-figure=\"{index}\">\n<h3>{title}</h3>\n{shown}<figcaption>{caption}{thinned}</figcaption>\n\
+            "<figure id=\"{name}\" data-figure=\"{index}\">\n<h3>{title}</h3>\n\
+             {shown}<figcaption>{caption}{thinned}</figcaption>\n\
              {ends}{files}</figure>\n",
             name = escape::html(figure.name),
             title = prose(figure.title),
@@ -107,7 +108,8 @@ fn marks(figures: &[Figure<'_>]) -> String {
     };
     let marks: String = looks.iter().map(mark).collect();
     format!(
-        "<svg class=\"marks\" width=\"0\" height=\"0\" aria-hidden=\"true\"><defs>{marks}</defs></svg>\n"
+        "<svg class=\"marks\" width=\"0\" height=\"0\" aria-hidden=\"true\"><defs>{marks}</defs>\
+         </svg>\n"
     )
 }
 
@@ -126,8 +128,10 @@ fn curves(data: &CurveData, stride: usize) -> String {
         .map(|(index, panel)| panel_html(data, index, panel, stride))
         .collect();
     format!(
-        "<div class=\"legend\" role=\"group\" aria-label=\"Series\">\n{}</div>\n<div class=\"switches\" hidden></div>\n\
-         <div class=\"panels {columns}\">\n{panels}</div>\n<p class=\"reader\" aria-live=\"polite\"></p>\n",
+        "<div class=\"legend\" role=\"group\" aria-label=\"Series\">\n{}</div>\n\
+         <div class=\"switches\" hidden></div>\n\
+         <div class=\"panels {columns}\">\n{panels}</div>\n\
+         <p class=\"reader\" aria-live=\"polite\"></p>\n",
         legend(data)
     )
 }
@@ -146,8 +150,9 @@ fn legend(data: &CurveData) -> String {
     let series = data.series.iter().zip(&data.looks).enumerate().map(|(index, (label, &look))| {
         format!(
             "<button type=\"button\" class=\"key\" aria-pressed=\"true\" data-series=\"{index}\">\
-             <svg class=\"sample\" viewBox=\"0 0 300 120\" aria-hidden=\"true\"><g class=\"{}\"><path class=\"mean\" d=\"M0 60h300\"/>\
-             <use href=\"#mark-{look}\" x=\"150\" y=\"60\"/></g></svg>{}</button>\n",
+             <svg class=\"sample\" viewBox=\"0 0 300 120\" aria-hidden=\"true\"><g class=\"{}\">\
+             <path class=\"mean\" d=\"M0 60h300\"/><use href=\"#mark-{look}\" x=\"150\" y=\"60\"/>\
+             </g></svg>{}</button>\n",
             class(look),
             prose(&label.text)
         )
@@ -174,12 +179,15 @@ fn legend(data: &CurveData) -> String {
             curves().any(|curve| !curve.tolerance.is_empty()),
         ),
     ];
-    let others = others.into_iter().filter(|(_, _, shown)| *shown).map(|(class, name, _)| {
-        format!(
-            "<span class=\"key\"><svg class=\"sample\" viewBox=\"0 0 300 120\" aria-hidden=\"true\">\
-             <path class=\"{class}\" d=\"M0 60h300\"/></svg>{name}</span>\n"
-        )
-    });
+    let others = others
+        .into_iter()
+        .filter(|(_, _, shown)| *shown)
+        .map(|(class, name, _)| {
+            format!(
+                "<span class=\"key\"><svg class=\"sample\" viewBox=\"0 0 300 120\" \
+                 aria-hidden=\"true\"><path class=\"{class}\" d=\"M0 60h300\"/></svg>{name}</span>\n"
+            )
+        });
     series.chain(others).collect()
 }
 
@@ -306,7 +314,8 @@ fn grid(data: &CurveData, axes: &Axes) -> String {
         let y = axes.height_of(tick.at);
         let text = &tick.label;
         format!(
-            "<path class=\"rule\" d=\"M{left} {y:.0}H{right}\"/><text class=\"end\" x=\"{:.0}\" y=\"{:.0}\">{text}</text>",
+            "<path class=\"rule\" d=\"M{left} {y:.0}H{right}\"/>\
+             <text class=\"end\" x=\"{:.0}\" y=\"{:.0}\">{text}</text>",
             left - 50.0,
             y + 38.0
         )
@@ -314,7 +323,8 @@ fn grid(data: &CurveData, axes: &Axes) -> String {
     let x_mark = |tick: &Tick| {
         let x = axes.across(tick.at);
         format!(
-            "<path class=\"axis\" d=\"M{x:.0} {bottom}v35\"/><text class=\"middle\" x=\"{x:.0}\" y=\"{:.0}\">{}</text>",
+            "<path class=\"axis\" d=\"M{x:.0} {bottom}v35\"/>\
+             <text class=\"middle\" x=\"{x:.0}\" y=\"{:.0}\">{}</text>",
             bottom + 150.0,
             tick.label
         )
@@ -480,7 +490,8 @@ fn ends(data: &CurveData, title: &str) -> String {
         numeric: vec![false, false, true, true, true, true],
     };
     format!(
-        "<details class=\"more\"><summary>The end of each curve, as a table</summary>\n{}</details>\n",
+        "<details class=\"more\"><summary>The end of each curve, as a table</summary>\n\
+         {}</details>\n",
         table::html(&grid, title, true)
     )
 }

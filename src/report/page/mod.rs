@@ -222,6 +222,7 @@ fn bar(runs: &[Run]) -> String {
     });
     let parts = parts.concat();
     format!(
-        "<svg class=\"bar\" viewBox=\"0 0 1000 8\" preserveAspectRatio=\"none\" aria-hidden=\"true\">{parts}</svg>"
+        "<svg class=\"bar\" viewBox=\"0 0 1000 8\" preserveAspectRatio=\"none\" \
+         aria-hidden=\"true\">{parts}</svg>"
     )
 }

@@ -5,7 +5,8 @@ use crate::escape;
 /// A section under a heading.
 pub fn section(id: &str, title: &str, body: &str) -> String {
     format!(
-        "<section id=\"{id}\" aria-labelledby=\"{id}-title\">\n<h2 id=\"{id}-title\">{title}</h2>\n{body}</section>\n"
+        "<section id=\"{id}\" aria-labelledby=\"{id}-title\">\n<h2 id=\"{id}-title\">{title}</h2>\n\
+         {body}</section>\n"
     )
 }
 

@@ -9,7 +9,8 @@ const SCRIPT: &str = "sha256-1xtNiHjsIB14B+TngyVF/kVVp9u0DmLMeoBGRSXYRNA=";
 /// The policy of the page.
 pub fn content_security() -> String {
     format!(
-        "default-src 'none'; style-src '{STYLE}'; script-src '{SCRIPT}'; base-uri 'none'; form-action 'none'"
+        "default-src 'none'; style-src '{STYLE}'; script-src '{SCRIPT}'; base-uri 'none'; \
+         form-action 'none'"
     )
 }
 

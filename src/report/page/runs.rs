@@ -126,8 +126,8 @@ pub fn body(page: &Contents<'_>) -> String {
         .map(|(index, run)| row(page.home, index, run))
         .collect();
     format!(
-        "<ul class=\"states\">\n{legend}</ul>\n{}<details class=\"more\" id=\"all-runs\"><summary>All {} {}, with links to their \
-         logs and data</summary>\n{}</details>\n",
+        "<ul class=\"states\">\n{legend}</ul>\n{}<details class=\"more\" id=\"all-runs\">\
+         <summary>All {} {}, with links to their logs and data</summary>\n{}</details>\n",
         grid(page.runs),
         page.runs.len(),
         plural(page.runs.len(), "run"),
@@ -170,7 +170,8 @@ fn grid(runs: &[Run]) -> String {
         .map(|seed| format!("<th scope=\"col\">{seed}</th>"))
         .collect();
     format!(
-        "<div class=\"scroll grid\" tabindex=\"0\" role=\"region\" aria-label=\"Runs by setting and seed\">\n<table>\n\
+        "<div class=\"scroll grid\" tabindex=\"0\" role=\"region\" \
+         aria-label=\"Runs by setting and seed\">\n<table>\n\
          <thead><tr><th scope=\"col\">seed</th>{head}</tr></thead>\n{}</table>\n</div>\n",
         body.collect::<String>()
     )
@@ -223,7 +224,8 @@ fn row(home: &Path, index: usize, run: &Run) -> String {
     };
     let trace = run.trace.as_ref();
     format!(
-        "<tr id=\"r{index}\"><th scope=\"row\">{}</th><td><span class=\"run {}\">{}</span> {}</td>{}{}{}<td>{}</td></tr>\n",
+        "<tr id=\"r{index}\"><th scope=\"row\">{}</th>\
+         <td><span class=\"run {}\">{}</span> {}</td>{}{}{}<td>{}</td></tr>\n",
         escape::html(&run.spec.id),
         kind.class(),
         kind.mark(),
@@ -277,13 +279,15 @@ pub fn failures(page: &Contents<'_>) -> String {
             "" => String::new(),
             tail => {
                 format!(
-                    "<details class=\"more\"><summary>The end of its log</summary>\n<pre>{tail}</pre></details>\n"
+                    "<details class=\"more\"><summary>The end of its log</summary>\n\
+                     <pre>{tail}</pre></details>\n"
                 )
             }
         };
         let (id, links) = (escape::html(&run.spec.id), links(page.home, run));
         format!(
-            "<article class=\"failure\">\n<h3>{id}</h3>\n<p>{}</p>\n{tail}<p class=\"files\">{links}</p>\n</article>\n",
+            "<article class=\"failure\">\n<h3>{id}</h3>\n<p>{}</p>\n\
+             {tail}<p class=\"files\">{links}</p>\n</article>\n",
             prose(error)
         )
     };

@@ -34,9 +34,11 @@ pub fn float(name: &str, title: &str, notes: &[String], grid: &Grid) -> String {
          \\begingroup % in the largest type in which it fits into its line\n\
          \\def\\mcporuntable{{%\n{bare}}}%\n\
          \\setbox0\\hbox{{\\mcporuntable}}%\n{smaller}\
-         \\ifdim\\wd0>\\linewidth\\resizebox{{\\linewidth}}{{!}}{{\\box0}}\\else\\leavevmode\\box0\\fi\\par\n\
+         \\ifdim\\wd0>\\linewidth\\resizebox{{\\linewidth}}{{!}}{{\\box0}}\
+         \\else\\leavevmode\\box0\\fi\\par\n\
          \\endgroup\n\
-         \\smallskip\n\\begin{{minipage}}{{\\linewidth}}\\footnotesize\\raggedright\n{notes}\\end{{minipage}}\n\
+         \\smallskip\n\\begin{{minipage}}{{\\linewidth}}\\footnotesize\\raggedright\n\
+         {notes}\\end{{minipage}}\n\
          \\end{{table}}\n",
         smaller = smaller.concat(),
     )

@@ -135,8 +135,9 @@ impl Draft {
         if figure.width.is_some() {
             self.files
                 .write(name, "pdf", &picture.pdf().map_err(ReportError::Draw)?)?;
+            // A picture for print does not hold its caption.
             self.body
-                .push_str(&format!("\n{}\n", escape::markdown(&caption))); // which print does not have in the picture
+                .push_str(&format!("\n{}\n", escape::markdown(&caption)));
         }
         let files = figure_files(figure);
         let shows = curves.map_or(Shows::Picture(svg), |data| Shows::Curves(Box::new(data)));

@@ -210,9 +210,10 @@ pub(crate) mod tests {
             "it has not ended yet"
         );
         assert_eq!(place(Some("CANCELLED"), true).fate(), Fate::Cancelled);
-        assert!(
-            matches!(place(Some("COMPLETED"), false).fate(), Fate::Ended(how) if how.contains("COMPLETED"))
-        );
+        assert!(matches!(
+            place(Some("COMPLETED"), false).fate(),
+            Fate::Ended(how) if how.contains("COMPLETED")
+        ));
         assert!(place(Some("PENDING"), false).is_taken());
         assert!(!place(Some("COMPLETED"), false).is_taken() && !place(None, false).is_taken());
     }

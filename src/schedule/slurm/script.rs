@@ -52,7 +52,8 @@ pub fn chunks(elements: usize, most: usize, throttle: Option<usize>) -> Option<V
 /// The script of an element; its first argument is the number of the first element in its array.
 pub fn array(program: &Path, folder: &Path) -> Vec<u8> {
     let mut script = b"#!/bin/sh\n\
-        # An element of mcpo-run: goes on with its runs from where they are, and leaves in time for its limit.\n\
+        # An element of mcpo-run: goes on with its runs from where they are, \
+        and leaves in time for its limit.\n\
         exec "
         .to_vec();
     script.extend(quoted(program.as_os_str()));

@@ -175,30 +175,51 @@ impl<'a> Checker<'a> {
             let (span, key) = (key.span(), key.get_ref().as_ref());
             self.key(key, |this| match key {
                 "name" => this.name(value),
-                "description" if !value.get_ref().is_str() => this.wrong_type(value, "`description`", "a string"),
+                "description" if !value.get_ref().is_str() => {
+                    this.wrong_type(value, "`description`", "a string")
+                }
                 "description" => {}
                 "extends" if this.layer.path.is_none() => {
                     this.wrong(span, "`extends` can only be written in a file", None);
                 }
-                "extends" if !value.get_ref().is_str() => this.wrong_type(value, "`extends`", "the name of a file"),
+                "extends" if !value.get_ref().is_str() => {
+                    this.wrong_type(value, "`extends`", "the name of a file")
+                }
                 "extends" => {}
-                "matrix" => this.tables(value, "matrix", |this, block, span| this.block(block, span)),
+                "matrix" => {
+                    this.tables(value, "matrix", |this, block, span| this.block(block, span))
+                }
                 "algorithms" => this.table(value, "`algorithms`", Self::algorithms),
                 "environments" => this.table(value, "`environments`", Self::environments),
-                "figures" => this.figures_or_tables(value, "figures", "figure", &Catalog::get().figure),
+                "figures" => {
+                    this.figures_or_tables(value, "figures", "figure", &Catalog::get().figure)
+                }
                 "tables" => this.figures_or_tables(value, "tables", "table", &Catalog::get().table),
-                "settings" => this.figures_or_tables(value, "settings", "table", &Catalog::get().settings_table),
+                "settings" => this.figures_or_tables(
+                    value,
+                    "settings",
+                    "table",
+                    &Catalog::get().settings_table,
+                ),
                 "claims" => this.claims(value),
                 "slurm" => this.section(&Catalog::get().slurm, &[key], value),
                 _ if settings.schema(&[key]).is_some() => this.section(settings, &[key], value),
                 _ => {
-                    let known = || ROOT_KEYS.into_iter().chain(settings.keys(&[]).into_iter().flatten());
+                    let known = || {
+                        ROOT_KEYS
+                            .into_iter()
+                            .chain(settings.keys(&[]).into_iter().flatten())
+                    };
                     let meant = this.hint(|| nearest(key, known()).map(str::to_owned));
                     let label = this.hint(|| match Parameter::find(key) {
                         Some(Parameter::Shared(_)) => Some(
-                            "a hyperparameter: it belongs under `[algorithms.NAME]` or in a block of the matrix".into(),
+                            "a hyperparameter: it belongs under `[algorithms.NAME]` or in a block \
+                             of the matrix"
+                                .into(),
                         ),
-                        _ if Catalog::get().algorithm(key).is_some() => Some(format!("write `algorithms.{key}`")),
+                        _ if Catalog::get().algorithm(key).is_some() => {
+                            Some(format!("write `algorithms.{key}`"))
+                        }
                         _ => nearest_label("key", key, known()),
                     });
                     this.wrong(span, format!("unknown key `{key}`"), label);
@@ -217,7 +238,11 @@ impl<'a> Checker<'a> {
             Some(name) => self.wrong(
                 value.span(),
                 format!("`{}` cannot name a file", name.escape_debug()),
-                Some("expected letters, digits, `.`, `_` and `-`, not starting with `.`, at most 100 of them".into()),
+                Some(
+                    "expected letters, digits, `.`, `_` and `-`, not starting with `.`, \
+                     at most 100 of them"
+                        .into(),
+                ),
             ),
         }
     }
