@@ -118,6 +118,7 @@ fn show(measured: &Measured) -> String {
         "{iterations} iterations of {} steps after one to warm up",
         shapes.rollout
     );
+    // Only algorithms with a trust region solve by conjugate gradients.
     if let Some(products) = measured.cg_iterations {
         text += &format!(
             "; {:.1} conjugate-gradient products each",

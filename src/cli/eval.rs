@@ -72,6 +72,8 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<ExitCode> {
     } else {
         path
     };
+    // Read once for its specification alone: only the environment that it names can check its
+    // shapes.
     let (_, stamp) = policy::read(&path)?;
     let spec = plan::recorded(&stamp.spec).with_context(|| {
         format!(
@@ -110,6 +112,7 @@ pub fn run(arguments: &EvalArguments) -> anyhow::Result<ExitCode> {
     let row = |name: &str, numbers: Vec<f64>| {
         let mean = numbers.iter().sum::<f64>() / numbers.len() as f64;
         let squares: f64 = numbers.iter().map(|number| (number - mean).powi(2)).sum();
+        // One episode has no deviation: 0 is shown instead of NaN.
         let std = (squares / (numbers.len() as f64 - 1.0).max(1.0)).sqrt();
         let (least, most) = numbers
             .iter()

@@ -52,6 +52,7 @@ pub fn show(
     for (run, state) in planned.iter().zip(&states) {
         let time = match state {
             RunState::Finished(manifest) => clock(manifest.seconds),
+            // It is refused, so it takes no time.
             RunState::Differs { .. } => String::new(),
             _ => {
                 let left = seconds_of(run, state, &costs);
@@ -87,6 +88,7 @@ pub fn show(
         String::new()
     };
     let mut repeated = 0;
+    // Only several blocks can name a run twice: the lists of one have no repeats.
     for spec in specs.iter().filter(|spec| spec.matrix.len() > 1) {
         repeated += spec.named_runs() - crate::plan::plan(spec)?.len();
     }
@@ -211,10 +213,12 @@ fn reason(run: &Planned, state: &RunState) -> String {
             )
         }
         RunState::Finished(manifest) => {
+            // Evaluations do not make it another run, so what differs in them is told, not refused.
             let otherwise = match run.evaluated_otherwise(&manifest.stamp) {
                 keys if keys.is_empty() => String::new(),
                 keys => format!(", but its evaluations differ in {}", keys.join(", ")),
             };
+            // It is finished all the same; only its bits cannot be repeated.
             let classes = if manifest.is_of_one_class() {
                 ""
             } else {

@@ -193,6 +193,7 @@ fn told(
         all.is_contradicted |= !contradictions.is_empty();
         all.open += written.open;
     }
+    // One report is enough for a success; what the others lack is only told.
     if without.len() == experiments.len() {
         return Err(Nothing(without.join("\n")).into());
     }

@@ -62,6 +62,7 @@ pub fn run(arguments: &ReproduceArguments) -> anyhow::Result<ExitCode> {
     if let Some(folder) = folder.filter(|folder| folder.is_dir()) {
         spec.demonstration = spec.demonstration.map(|path| folder.join(path));
     }
+    // Elsewhere than the record, which stays as it is.
     let results = tempfile::tempdir().context("cannot make a temporary folder")?;
     let planned = preflight::plan(vec![spec], results.path())?;
     let [run] = &planned[..] else {

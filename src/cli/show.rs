@@ -125,6 +125,7 @@ fn render(path: &Path, stamp: &Stamp, manifest: Option<&Manifest>) -> anyhow::Re
                 .as_ref()
                 .map_or_else(String::new, |error| format!(": {error}"));
             let from = attempt.from_env_steps;
+            // Records of older programs have no class.
             let class = if attempt.cpu_class.is_empty() {
                 String::new()
             } else {
@@ -175,6 +176,7 @@ fn render(path: &Path, stamp: &Stamp, manifest: Option<&Manifest>) -> anyhow::Re
     ));
     if let Some(origin) = &stamp.origin {
         rows.push(("host", format!("{}, {}", origin.host, origin.cpu)));
+        // Quoted where a shell needs it, so that the line can be run again.
         let words: Vec<String> = origin
             .command_line
             .iter()

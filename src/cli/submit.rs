@@ -140,6 +140,7 @@ impl Experiment<'_> {
     /// cluster does not have yet.
     fn submit(&self, runs: &[(&Planned, &RunState)], costs: &CostModel) -> anyhow::Result<()> {
         let name = &self.spec.name;
+        // Failed and interrupted runs are due again, as those that never began are.
         let open = runs
             .iter()
             .filter(|(_, state)| !matches!(state, RunState::Finished(_) | RunState::Running(_)));
@@ -240,6 +241,8 @@ impl Experiment<'_> {
         .into_iter()
         .flatten()
         .collect();
+        // Free options come last, and the command line's after the file's: of one that is given
+        // twice, sbatch obeys the last.
         options.extend(
             sbatch
                 .iter()

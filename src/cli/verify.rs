@@ -70,6 +70,7 @@ pub fn run(arguments: &VerifyArguments) -> anyhow::Result<ExitCode> {
             against.display()
         );
     }
+    // Kept until the comparison is done: dropping it removes the folder.
     let temporary = tempfile::tempdir().context("cannot make a temporary folder")?;
     let results = arguments
         .results
@@ -108,6 +109,7 @@ pub fn run(arguments: &VerifyArguments) -> anyhow::Result<ExitCode> {
         ) {
             Ok(None) => {}
             Ok(Some(difference)) => lines.push(format!("{}: {difference}\n", run.spec.id)),
+            // A damaged record of one run does not keep the others from being compared.
             Err(error) => lines.push(format!("{}: {}\n", run.spec.id, told(&error))),
         }
     }
@@ -138,6 +140,7 @@ pub fn run(arguments: &VerifyArguments) -> anyhow::Result<ExitCode> {
         all - differ
     ));
     print(&lines.concat())?;
+    // The summary's own line is always there.
     Ok(if lines.len() == 1 {
         ExitCode::SUCCESS
     } else {
@@ -161,6 +164,7 @@ fn difference(
     let Some(before) = Manifest::read(&RunPaths::manifest(recorded))? else {
         return Ok(Some("nothing is recorded for it".to_owned()));
     };
+    // Asked first, since the files of another run differ anyway.
     let keys = run.differences(&before.stamp);
     if !keys.is_empty() {
         return Ok(Some(format!(

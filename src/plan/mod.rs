@@ -144,6 +144,7 @@ pub fn plan(spec: &ExperimentSpec) -> Result<Vec<RunSpec>, PlanError> {
                 seed: Seed(seed),
                 ..run.clone()
             };
+            // The id is the run's folder, so no two runs may share one.
             if let Some(&other) = ids.get(&run.id) {
                 let differences = identity::all_differences(&runs[other], &run);
                 return Err(PlanError::SameId {

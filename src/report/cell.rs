@@ -103,12 +103,14 @@ impl Cell {
             Some(reference) => PaperSide::of(runs, reference == Reference::Table5),
             None => PaperSide::default(),
         };
+        // The shortest run decides whether the paper's length is reached.
         let env_steps = runs
             .iter()
             .map(|run| run.spec.budget.env_steps.get())
             .min()
             .unwrap_or(0);
         let needed = reference::assumed_budget(&runs[0].spec);
+        // Only the first obstacle is named: without seeds, the length does not matter.
         let reason = match ours {
             None => Some("no finished run".to_owned()),
             Some(_) if seeds.len() < SEEDS_FOR_VERDICT => Some(format!(

@@ -259,6 +259,8 @@ impl CompareRow {
         let test = scale
             .filter(|_| reason.is_none())
             .and_then(|scale| test(&values, failed, scale));
+        // Two one-sided tests at ALPHA: both reject exactly where this interval is within the
+        // margin.
         let intervals = test
             .iter()
             .flat_map(|test| &test.ways)
@@ -274,6 +276,7 @@ impl CompareRow {
             sides: [0, 1].map(|side| t_interval(&values[side], CONFIDENCE)),
             seeds: [0, 1].map(|side| (values[side].len(), sides[side].runs.len())),
             difference,
+            // This stands unless `settle` finds a test of the row.
             verdict: Verdict::NotComparable(reason.unwrap_or_default()),
             changes: changes(ours, theirs),
         };

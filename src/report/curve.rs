@@ -263,6 +263,8 @@ impl Curve {
             _ => None,
         };
         let tolerance = if is_bounded(y) {
+            // The limit is shown as it was in force, so it is not smoothed. Only its mean is drawn,
+            // so its band may be the cheapest.
             let plain = Averaging {
                 smooth: 0,
                 band: Band::T,
@@ -275,6 +277,7 @@ impl Curve {
         } else {
             Vec::new()
         };
+        // All seeds are averaged as far as the slowest has come.
         let under_way = seeds.iter().filter_map(|seed| seed.under_way).min();
         let of = runs
             .iter()

@@ -108,10 +108,12 @@ pub fn run(arguments: &CollectArguments) -> anyhow::Result<ExitCode> {
             file(*env).display()
         );
     }
+    // Refused before any policy plays, since that takes long.
     runs.keys()
         .try_for_each(|&env| not_over(&file(env), arguments.force))?;
     fs::create_dir_all(&arguments.out)
         .with_context(|| format!("cannot make {}", arguments.out.display()))?;
+    // What is missing is told at the end, when the others' files are written.
     let mut missing = Vec::new();
     for (env, runs) in runs {
         let wanted = Wanted::new(env, arguments.target)?;
@@ -203,6 +205,7 @@ fn best(
     let mut best: Option<(Misfit, Candidate)> = None;
     for run in runs {
         let paths = RunPaths::new(results, &run.experiment, &run.id)?;
+        // The number of tasks changes no episode, only how many play at a time.
         let mut tasks: Vec<Task> = (0..starts.min(8))
             .map(|_| Task::new(run.env, Reward::Dense, run.max_steps))
             .collect::<Result<_, _>>()?;

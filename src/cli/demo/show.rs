@@ -140,6 +140,7 @@ fn facts(demonstration: &Demonstration, rewards: Option<&Rewards>) -> String {
             .to_owned(),
         ),
     ];
+    // The recorder chose the keys of the provenance, so they are listed as they are.
     let provenance = demonstration
         .provenance
         .iter()

@@ -133,6 +133,7 @@ fn draw(panel: &Panel, longest: usize, top: f64) -> Vec<Shape> {
         (low - 1.0, high + 1.0)
     };
     let at = |step: usize, value: f64| {
+        // A single step would divide by zero, hence at least two.
         let across = LEFT + (RIGHT - LEFT) * step as f64 / (longest.max(2) - 1) as f64;
         (across, top + PANEL * (high - value) / (high - low))
     };
@@ -158,6 +159,7 @@ fn draw(panel: &Panel, longest: usize, top: f64) -> Vec<Shape> {
         ),
         text(&number(low), (LEFT - 5.0, top + PANEL), Anchor::End, SIZE),
     ];
+    // Zero is a line only where it lies inside the frame.
     if low < 0.0 && high > 0.0 {
         let points = vec![(LEFT, at(0, 0.0).1), (RIGHT, at(0, 0.0).1)];
         shapes.push(Shape::Line {

@@ -52,6 +52,7 @@ pub fn run(arguments: &VerifyArguments) -> anyhow::Result<ExitCode> {
         },
     );
     let agrees = tolerance.holds(&deviation);
+    // Where nothing deviates, there is no place of the greatest deviation.
     let reward = deviation.reward.map_or_else(
         || "not recorded".to_owned(),
         |reward| {

@@ -63,6 +63,7 @@ pub fn judge(claim: &Claim, parts: &[Part]) -> Option<Judged> {
     let failures = with_failures(parts);
     let ways = [parts].into_iter().chain(failures.as_deref());
     let contrasts = ways.map(|parts| {
+        // A level is exact: it moves the numbers and adds no variance.
         let shifted: Vec<Vec<f64>> = parts
             .iter()
             .map(|part| part.of.iter().map(|value| value - part.level).collect())
@@ -84,6 +85,7 @@ pub fn judge(claim: &Claim, parts: &[Part]) -> Option<Judged> {
             .iter()
             .map(|contrast| p(claim.is, contrast, limit))
             .fold(0.0, f64::max)
+            // Twice a one-sided p value may be above 1.
             .min(1.0)
     };
     let intervals: Vec<Interval> = contrasts
@@ -94,6 +96,8 @@ pub fn judge(claim: &Claim, parts: &[Part]) -> Option<Judged> {
         .iter()
         .skip(1)
         .fold(intervals[0], |all, one| Interval {
+            // The mean stays that of the runs that finished; the other way only widens the
+            // interval.
             mean: all.mean,
             low: all.low.min(one.low),
             high: all.high.max(one.high),

@@ -202,6 +202,7 @@ fn verdicts(claim: &Claim, rows: Vec<Row<'_>>) -> Vec<ClaimRow> {
         .iter()
         .map(|parts| judge(claim, parts.as_ref().ok()?))
         .collect();
+    // Holm's correction needs all rows, so p values come before verdicts.
     let p = judge::corrected(&judged);
     let made = rows
         .into_iter()
@@ -239,6 +240,7 @@ fn verdicts(claim: &Claim, rows: Vec<Row<'_>>) -> Vec<ClaimRow> {
                 setting: row.setting.clone(),
                 difference: judged.as_ref().map(|judged| judged.interval),
                 limit: judged.map_or(0.0, |judged| judged.limit),
+                // The share of pairs compares two sides, and a constraint that is kept has one.
                 improvement: improvement.filter(|_| claim.is != Relation::Kept),
                 seeds: count(of),
                 than: (!than.is_empty()).then(|| count(than)),
@@ -271,6 +273,7 @@ fn parts(claim: &Claim, sides: &[Sides<'_>]) -> Result<Vec<Part>, String> {
 
 fn part(claim: &Claim, of: &[&Run], than: &[&Run]) -> Result<Part, String> {
     let env = of[0].spec.env.name();
+    // The other side is one sample, so its runs may differ in their seed alone.
     let differing = axis::hidden_axes(than, &[Key::Env]);
     if !differing.is_empty() {
         return Err(format!(
@@ -282,6 +285,7 @@ fn part(claim: &Claim, of: &[&Run], than: &[&Run]) -> Result<Part, String> {
                 .join(", ")
         ));
     }
+    // Only returns have a scale of the paper's.
     let scale = (claim.is != Relation::Kept && claim.on == Measure::Return)
         .then(|| reference::scale(env))
         .flatten();

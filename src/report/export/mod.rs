@@ -89,8 +89,10 @@ pub fn export(
     let (home, whole, plan) = planned(spec, results, scope)?;
     let runs = recorded::load(&plan, results, progress::COLUMNS)?.runs;
     let folder = home.join(scope.folder());
+    // Removing through a link would empty a folder elsewhere.
     refuse_link(&folder)?;
     let folder = folder.join("export");
+    // An earlier export may have files that this one has not.
     if folder.exists() {
         fs::remove_dir_all(&folder).map_err(|source| io("remove", &folder, source))?;
     }
@@ -107,6 +109,8 @@ pub fn export(
         match format {
             Format::Tensorboard => {
                 for run in runs.iter().filter(|run| run.recording().is_some()) {
+                    // TensorBoard finds a file by `tfevents`. The time in the name is fixed, so
+                    // that the same records give the same files.
                     let name = format!(
                         "tensorboard/{}/events.out.tfevents.0000000000.mcpo-run",
                         run.spec.id
@@ -122,6 +126,7 @@ pub fn export(
             Format::Csv => write("evaluations.csv", &rows::evaluations(&runs)?)?,
             Format::Json => {
                 for figure in &figures(spec) {
+                    // The sketch of a step draws nothing that was recorded.
                     let Some(y) = figure.y.measure() else {
                         continue;
                     };

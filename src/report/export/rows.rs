@@ -21,6 +21,7 @@ use crate::{
 ///
 /// None that the csv crate gives for a buffer in memory.
 pub fn evaluations(runs: &[Run]) -> Result<Vec<u8>, csv::Error> {
+    // Every row has all axes, empty where its run lacks one, so that all rows have one length.
     let axes: BTreeSet<&str> = runs
         .iter()
         .flat_map(|run| run.spec.axes.keys())
@@ -122,6 +123,7 @@ pub fn figure(data: &CurveData) -> Value {
     json!({
         "title": data.title,
         "y": data.y,
+        // On a logarithmic axis, the statistics are of logarithms.
         "mean": if data.log_y { "geometric" } else { "arithmetic" },
         "low_and_high": band,
         "panels": panels.collect::<Vec<_>>(),

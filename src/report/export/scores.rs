@@ -21,6 +21,7 @@ pub fn rliable(runs: &[Run]) -> Value {
             continue;
         };
         let value = mean(&recording.final_returns());
+        // An environment that the paper does not have has no scale for a score.
         let Some(score) = statistics::score(run.spec.env, value) else {
             continue;
         };

@@ -116,6 +116,7 @@ fn start(run: &Run) -> Message {
             .into_iter()
             .filter(|(name, _)| !NAMES.contains(&name.as_str()))
         {
+            // Hyperparameters are called `mcpo.d`, without `algorithm` before it.
             let key = if name == "algorithm" {
                 String::new()
             } else {
@@ -129,6 +130,7 @@ fn start(run: &Run) -> Message {
         Value::from(run.spec.algorithm_name()),
     );
     let entry = |message: Message, (key, value): (&String, &Value)| {
+        // The fields of google.protobuf.Value: 2 is a number, 3 a text, 4 a truth value.
         let value = match value {
             Value::Number(number) => {
                 Message::default().double(2, number.as_f64().unwrap_or(f64::NAN))
@@ -137,6 +139,7 @@ fn start(run: &Run) -> Message {
             Value::String(text) => Message::default().bytes(3, text.as_bytes()),
             other => Message::default().bytes(3, other.to_string().as_bytes()),
         };
+        // A map is a list of messages, each with a key (1) and a value (2).
         message.message(
             1,
             &Message::default()

@@ -62,6 +62,7 @@ pub fn notes(data: &CurveData) -> Notes {
         curves
             .iter()
             .map(|(_, _, curve)| curve.seeds)
+            // Curves without a seed would make the fewest 0.
             .filter(|seeds| *seeds > 0)
     };
     let (fewest, most) = (drawn().min().unwrap_or(0), drawn().max().unwrap_or(0));
@@ -100,6 +101,7 @@ pub fn notes(data: &CurveData) -> Notes {
             name(panel, series)
         };
         let entry = format!("{name} ({text})");
+        // Such a series comes by once for each of its panels.
         if !lacking.contains(&entry) {
             lacking.push(entry);
         }
@@ -110,6 +112,7 @@ pub fn notes(data: &CurveData) -> Notes {
     let mut notes = Vec::new();
     match kinds.first() {
         _ if lacking.is_empty() => {}
+        // None sorts first, so the first kind is a text only where no curve is whole.
         Some(Some(all)) if kinds.len() == 1 && curves.len() > 1 => {
             notes.push(format!("Each curve: {all}."))
         }

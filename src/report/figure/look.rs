@@ -141,6 +141,7 @@ pub fn outline(look: usize) -> Vec<(f64, f64)> {
         (0..2 * tips).map(corner).collect::<Vec<_>>()
     };
     match (look + round(look)) % PALETTE.len() {
+        // At this size, 24 corners pass for a circle.
         0 => polygon(24, 0.0),
         1 => larger(1.2, polygon(4, 45.0)),
         2 => larger(1.3, polygon(3, -90.0)),

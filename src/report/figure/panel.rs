@@ -136,6 +136,7 @@ pub fn draw(
         sheet.text,
         BLACK,
     )));
+    // Without points there is no range either, so no ticks that would tell of one.
     if curves.iter().all(|(_, curve)| curve.points.is_empty()) {
         let at = (middle, (axes.top + axes.bottom) / 2.0);
         shapes.push(Shape::Text(text(
@@ -159,6 +160,7 @@ pub fn draw(
         ));
         shapes.extend(lines(data, panel, sheet, &axes));
     }
+    // After the curves, whose ends would cover it.
     shapes.extend(outline(sheet, &axes));
     if frame.x_label {
         let at = (
@@ -257,6 +259,7 @@ fn grid(sheet: &Sheet, axes: &Axes, x_ticks: &[Tick], y_ticks: &[Tick]) -> Vec<S
     let (long, short, gap) = (sheet.scaled(3.0), sheet.scaled(2.0), sheet.scaled(5.0));
     for tick in y_ticks {
         let y = axes.height_of(tick.at);
+        // Ticks without a label get a short mark alone: more lines would hide the curves.
         if tick.label.is_empty() {
             line([(axes.left, y), (axes.left + short, y)], BLACK);
         } else {
@@ -355,10 +358,12 @@ fn lines(data: &CurveData, panel: &Panel, sheet: &Sheet, axes: &Axes) -> Vec<Sha
         .flat_map(|(look, path)| path.iter().map(move |stretch| (*look, stretch)))
     {
         match stretch.as_slice() {
+            // One point makes no line.
             [alone] => shapes.push(look::dot(sheet, look, *alone)),
             _ => shapes.extend(Look::Series(look).line(sheet, stretch, BLACK)),
         }
     }
+    // All lines come before all markers, so that none crosses a marker.
     for (turn, (look, path)) in paths.iter().enumerate() {
         // A marker must not stand in a gap, where the curve has no line.
         let drawn = |at: &(f64, f64)| {
@@ -476,6 +481,8 @@ fn band(look: usize, curve: &Curve, axes: &Axes) -> Vec<Shape> {
                 let points = ends
                     .iter()
                     .map(|end| end.0)
+                    // There along the lower ends and back along the upper ones, which closes the
+                    // outline.
                     .chain(ends.iter().rev().map(|end| end.1))
                     .collect();
                 Some(Shape::Area {

@@ -80,6 +80,7 @@ impl Picture {
         opacities.values().for_each(|(name, id)| {
             states.pair(Name(name.as_bytes()), *id);
         });
+        // An object must be finished before the next one is begun.
         states.finish();
         resources.finish();
         page.finish();
@@ -218,6 +219,8 @@ impl Glyphs {
             cap_height,
             ..
         } = metrics();
+        // The page's text holds glyph numbers, which Identity-H and the identity map take as they
+        // are.
         pdf.type0_font(FONT)
             .base_font(BASE_FONT)
             .encoding_predefined(Name(b"Identity-H"))
@@ -245,6 +248,7 @@ impl Glyphs {
             .cap_height(cap_height * EM)
             .stem_v(90.0)
             .font_file2(FONT_PROGRAM);
+        // PDF asks for the length of a TrueType program before compression.
         let length = program.len() as i32;
         pdf.stream(FONT_PROGRAM, &deflated(&program)?)
             .filter(Filter::FlateDecode)

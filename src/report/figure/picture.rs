@@ -237,6 +237,7 @@ fn draw_pixels(bitmap: &mut BitMapBackend<'_>, shape: &Shape, fine: f64) -> io::
             for ends in points.windows(2) {
                 let [(x0, y0), (x1, y1)] = [ends[0], ends[1]].map(|(x, y)| (x * fine, y * fine));
                 let length = (x1 - x0).hypot(y1 - y0);
+                // Two equal points have no direction.
                 if length > 0.0 {
                     let (dx, dy) = ((y1 - y0) / length * half, (x0 - x1) / length * half);
                     let corners = [

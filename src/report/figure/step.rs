@@ -59,11 +59,13 @@ pub fn draw(inches: Option<f64>) -> Result<Picture, ReportError> {
     let plane = Plane {
         left: sheet.margin + label,
         top: sheet.margin,
+        // One unit along both axes, so that angles and the ellipse keep their shapes.
         unit: width / (right - left),
     };
     let height = (top - bottom) * plane.unit;
     let (without, with) = (step(false)?, step(true)?);
 
+    // From the back to the front: a later shape covers an earlier one.
     let mut shapes = contours(&plane);
     shapes.extend(half_plane(&plane, &sheet));
     let line = |points: Vec<Point>, width: f64, color| Shape::Line {
