@@ -104,7 +104,7 @@ pub fn objection(message: &str, label: Option<&str>) -> String {
     format!("{message}{LABEL}{}", label.unwrap_or_default())
 }
 
-/// What separates an objection from its label; no message holds it.
+/// The character between an objection and its label, which no message holds.
 const LABEL: char = '\u{1f}';
 
 impl Mistake {

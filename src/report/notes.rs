@@ -51,6 +51,7 @@ pub fn of_table(runs: &[&Run], rows: &[Row]) -> Vec<String> {
     if cells.iter().any(|cell| cell.comparison.is_some()) {
         notes.push(VERDICTS.to_owned());
     }
+    // A set: a parameter is named once, however many cells depart in it.
     let departures: BTreeSet<&str> = cells
         .iter()
         .flat_map(|cell| &cell.departures)
@@ -81,6 +82,7 @@ pub fn of_table(runs: &[&Run], rows: &[Row]) -> Vec<String> {
             let training: Vec<&Run> = runs
                 .iter()
                 .copied()
+                // Runs that do not train in the environment would make the least of the span 0.
                 .filter(|run| run.spec.trained_steps() > 0)
                 .collect();
             let trained = span(&training, |run| run.spec.trained_steps(), steps);

@@ -189,6 +189,7 @@ impl OverSeeds {
         averaging: Averaging,
     ) {
         let x = env_steps as f64;
+        // Asked first: its logarithm is not finite either, which would be told as another reason.
         if averaging.log && samples.iter().any(|&(value, _)| value <= 0.0) {
             self.left_out.not_positive += 1;
             self.gaps.push(x);
@@ -203,6 +204,7 @@ impl OverSeeds {
         if !raw.iter().sum::<f64>().is_finite() {
             self.left_out.not_finite += 1;
             self.gaps.push(x);
+        // A mean over fewer seeds would jump where one of them has no value.
         } else if samples.len() < seeds {
             self.left_out.absent += 1;
         } else {

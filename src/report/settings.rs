@@ -43,6 +43,7 @@ impl SettingsData {
                     .collect(),
             )
         } else {
+            // Runs of one row may still differ in what is shown; `said` then tells each value.
             let groups = axis::group(runs, &table.rows);
             let labels = axis::value_labels(&groups);
             let row = |(group, labels): (&axis::Group<'_>, Vec<Option<String>>)| {

@@ -116,6 +116,7 @@ impl StatisticsData {
             return None;
         }
         for (_, _, scores, runs) in &mut found {
+            // Aggregates over different environments could not be compared.
             scores.retain(|env, _| environments.contains(env));
             runs.retain(|run| environments.contains(&run.spec.env));
         }
@@ -273,6 +274,7 @@ fn profile(found: &[Found<'_>], keys: &[Key]) -> CurveData {
         let points = thresholds
             .iter()
             .zip(shares)
+            // A point's x is called env_steps, along this axis of scores too.
             .map(|(&env_steps, share)| Point {
                 env_steps,
                 mean: share.value,
@@ -367,6 +369,7 @@ fn notes(
         .count()
     {
         0 => {}
+        // A run that failed has no return, and counts as one of the paper's Random.
         count => notes.push(format!("Runs that failed have score 0: {count}.")),
     }
     notes

@@ -54,6 +54,7 @@ pub struct Written {
 /// Nothing is recorded, the scope matches no run, or the disk refuses.
 pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Written, ReportError> {
     let (home, whole, plan) = planned(spec, results, scope)?;
+    // Looks are those of the whole plan, so that a series has the same one in a part of it.
     let identities = identities(&whole);
     let figures = figures(spec);
     // Only the columns of progress that are drawn or judged are read.
@@ -71,6 +72,7 @@ pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Wri
     let asked = tables
         .iter()
         .map(|table| (table, selected(&runs, table.only.as_ref())));
+    // Verdicts are corrected over the cells of all tables, so these are made together.
     let made = TableData::of_report(&asked.collect::<Vec<_>>());
     for (table, data) in tables.iter().zip(&made) {
         draft.table(&table.name, data)?;
@@ -133,6 +135,7 @@ pub fn write(spec: &ExperimentSpec, results: &Path, scope: &Scope) -> Result<Wri
     files.write("README", "md", page.as_bytes())?;
     // Files of an earlier report are removed only after all of this one are written.
     files.close()?;
+    // Runs of untouched environments are no longer in `runs`, and count as open.
     let open = count
         - runs
             .iter()

@@ -223,6 +223,7 @@ impl Campaign<'_> {
             verbose,
             ..
         } = self.options;
+        // With fewer runs left than jobs, those that are left share the idle threads.
         let left = self.running.len() + 1 + self.queue.len();
         let threads = threads.unwrap_or((jobs / left).max(1));
         let job = Job {
@@ -361,6 +362,7 @@ impl Campaign<'_> {
     /// no process could be started.
     fn fail(&mut self, number: usize, worker: Option<&Worker>, error: &str, stderr: &[String]) {
         let run = &self.due[number];
+        // While stopping, nothing is begun again.
         let again = !self.stopping && self.failures[number] < self.options.retries;
         let kept = failure::record(
             run,
@@ -379,6 +381,7 @@ impl Campaign<'_> {
                     here.as_deref().unwrap_or("finished by another process"),
                 );
             }
+            // The process that has claimed it will record how it ends.
             Ok(Found::TakenUp) => return self.leave(number),
             Ok(Found::Failed) | Err(_) => {}
         }

@@ -101,6 +101,7 @@ pub fn plan(specs: Vec<RunSpec>, results: &Path) -> Result<Vec<Planned>, Problem
                 }
             });
     }
+    // The program and the call are the same for all runs, so they are looked up once.
     let build = Build::current(serde_json::Value::Null);
     let origin = Origin::current(results);
     let mut planned: Vec<Planned> = Vec::new();
@@ -175,6 +176,7 @@ pub fn prepare(
     fresh: bool,
 ) -> Result<Vec<RunState>, Problems> {
     let mut problems = Vec::new();
+    // Without its folder, nothing else can be looked at.
     if let Err(error) = check_writable(results) {
         return Err(Problems(vec![error.into()]));
     }

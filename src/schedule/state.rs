@@ -151,6 +151,7 @@ impl Planned {
         {
             return Ok(differs);
         }
+        // The holder's heartbeat is newer than any of its checkpoints.
         if held {
             return Ok(RunState::Running(Heartbeat::read(&RunPaths::heartbeat(
                 &self.paths.partial,

@@ -43,6 +43,7 @@ impl Adam {
         learning_rate: f64,
     ) {
         let dim = parts.iter().map(|part| part.len()).sum::<usize>();
+        // A zip would leave the rest of a longer slice as it is, and say nothing.
         assert_eq!(
             dim,
             self.first.len(),
@@ -76,6 +77,7 @@ impl Adam {
                     {
                         *first = keep_first * *first + add_first * slope;
                         *second = keep_second * *second + add_second * slope * slope;
+                        // As in Kingma and Ba's Algorithm 1, epsilon joins the corrected root.
                         *parameter -= step_size * *first / (second.sqrt() * scale + EPSILON);
                     }
                 }

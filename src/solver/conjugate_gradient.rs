@@ -68,6 +68,7 @@ pub fn solve(operator: &mut dyn LinearOperator, rhs: &[f32], limits: Limits) -> 
     let mut squared = initial;
     let mut iterations = 0;
     let stop = loop {
+        // Asked before the limit, so that the last iteration that is allowed can still converge.
         if squared / initial <= enough {
             break Stop::Converged;
         }
@@ -83,6 +84,7 @@ pub fn solve(operator: &mut dyn LinearOperator, rhs: &[f32], limits: Limits) -> 
         }
         let length = squared / curvature;
         add_scaled(&mut x, length as f32, &direction);
+        // Followed along with x: computing it from x would take a second product.
         add_scaled(&mut residual, -length as f32, &product);
         let next = dot(&residual, &residual);
         let conjugation = (next / squared) as f32;

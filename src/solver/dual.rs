@@ -166,6 +166,7 @@ pub(super) fn solve_lazily(
     let (c, ball) = (slack, 2.0 * radius);
     let free = (q / ball).sqrt();
     let meets = |lambda: f64| lambda * c + r >= 0.0;
+    // With g = 0, every feasible point is an optimum, and the origin is one without s.
     if free == 0.0 && c >= 0.0 {
         return DualSolution::DegenerateG { nearest: 0.0 };
     }
@@ -194,6 +195,7 @@ pub(super) fn solve_lazily(
     if free == 0.0 {
         return DualSolution::DegenerateG { nearest: c / s };
     }
+    // With r = 0, the second question waited for s above.
     if chord <= 0.0 || meets(free) {
         return without_linear_constraint(free, c);
     }

@@ -92,6 +92,7 @@ pub fn backtrack_corrected<A, R>(
     let mut fraction = 1.0;
     let mut reasons = Vec::new();
     for judged in 1..=trials {
+        // Each trial begins at theta: what corrected a longer step is not carried over.
         trial.place(theta, step, fraction);
         let mut corrected = 0;
         loop {

@@ -120,6 +120,7 @@ fn build(
     written: &Written<'_>,
     errors: &mut Vec<SpecError>,
 ) -> (ExperimentSpec, Vec<usize>) {
+    // What has another type is reported already, and counts as absent here.
     let text = |value: Option<toml::Value>| {
         value
             .and_then(|value| value.as_str().map(str::to_owned))
@@ -242,6 +243,7 @@ fn blocks(
     let mut had: Vec<String> = Vec::new();
     let mut blocks = Vec::new();
     for (index, table) in tables.into_iter().enumerate() {
+        // The check has reported it; the other blocks keep their places in the file's list.
         let toml::Value::Table(table) = table else {
             continue;
         };
@@ -253,6 +255,7 @@ fn blocks(
             ];
             sources
                 .iter()
+                // The strongest layer that has the list wrote it.
                 .rev()
                 .find_map(|source| source.span(&way))
                 .map_or(0, |span| span.start)
@@ -268,6 +271,7 @@ fn blocks(
             if let Some(axis) = axes.iter().find(|axis| axis.key == key) {
                 values = axis.values();
             }
+            // -0.0 and 0.0 would be two runs with one meaning.
             values.iter_mut().for_each(without_negative_zero);
             match key.as_str() {
                 "seed" => {
@@ -296,6 +300,7 @@ fn blocks(
         }
         blocks.push((index, block));
     }
+    // An argument that no block has would do nothing, and say nothing.
     for axis in axes.iter().filter(|axis| !had.contains(&axis.key)) {
         errors.push(SpecError {
             message: format!("no block of the matrix has the axis `{}`", axis.key),

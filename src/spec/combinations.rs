@@ -247,6 +247,8 @@ impl Draft<'_> {
             .parameters
             .iter()
             .find_map(written)
+            // Where nobody wrote it, a default does not fit: the environment is nearest to the
+            // cause.
             .or_else(|| in_block("env"));
         let place = place.unwrap_or_else(|| self.at_start(String::new()).place);
         let Conflict {
@@ -320,6 +322,7 @@ fn conflicts(env: EnvId, settings: &Settings, algorithm: &Algorithm) -> Vec<Conf
             vec![setting("rollout.steps")],
         );
     }
+    // Rollouts are whole, so training would go on beyond such a budget.
     if budget < steps {
         conflict(
             format!("budget.env_steps {budget} is smaller than one rollout, rollout.steps {steps}"),

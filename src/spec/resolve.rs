@@ -58,6 +58,7 @@ impl ExperimentSpec {
             .hyperparameters();
         let mut given = toml::Table::new();
 
+        // The environment's own tables are merged second, so that they win.
         let here = self.environments.get(&env);
         for settings in [Some(&self.settings), here].into_iter().flatten() {
             catalog.settings.merge(&mut given, settings);
@@ -96,6 +97,7 @@ impl ExperimentSpec {
         if algorithm.trains_on_dense_reward() {
             settings.reward = Reward::Dense;
         }
+        // Only now is it known which layer's folder won.
         settings.demonstrations = settings
             .demonstrations
             .to_string_lossy()

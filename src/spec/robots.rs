@@ -34,6 +34,7 @@ impl Robots {
         let mut tables: BTreeMap<String, toml::Table> = BTreeMap::new();
         for source in sources {
             for (name, table) in written(source) {
+                // A model is named relative to its own file, which another may extend.
                 let folder = source.layer.folder();
                 tables
                     .entry(name)
@@ -69,6 +70,7 @@ impl Robots {
             };
             robots
                 .known
+                // A robot with mistakes is known too, so that its name is not reported as unknown.
                 .insert(name.clone(), found.as_ref().ok().copied());
             errors.extend(found.err().into_iter().flatten());
         }

@@ -21,6 +21,7 @@ pub fn schema() -> Value {
         &catalog
             .settings
             .schema(&[])
+            // A file may leave out any setting: it has a default, or another layer says it.
             .map(optional)
             .unwrap_or_default(),
     );
@@ -109,6 +110,7 @@ pub fn schema() -> Value {
         {
             one_of(axis, &Key::known());
         }
+        // Each kind of table has some of these fields.
         for (field, names) in [
             ("series", Key::known()),
             ("rows", Key::known()),
@@ -154,6 +156,7 @@ fn block() -> Value {
         "seed".into(),
         values(
             "Seeds",
+            // TOML's whole numbers end there, though a seed has 64 bits.
             json!({ "type": "integer", "minimum": 0, "maximum": i64::MAX }),
         ),
     );

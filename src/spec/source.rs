@@ -286,6 +286,7 @@ pub(super) fn files(path: &Path, text: Option<&str>) -> (Vec<Layer>, Vec<SpecErr
                     "cannot extend {}: {reason}",
                     base.display()
                 ))),
+                // Otherwise a cycle of files would be read for ever.
                 Ok(_) if base.canonicalize().is_ok_and(|base| seen.contains(&base)) => {
                     errors.push(refuse(format!(
                         "{} ends up extending itself",
@@ -373,6 +374,7 @@ pub(super) fn overriding(overrides: &Overrides, variables: bool) -> (Vec<Layer>,
         let keys = DeTable::parse(&text)
             .map(|table| leaves(table.get_ref()))
             .unwrap_or_default();
+        // What does not parse has no keys either.
         if keys.is_empty() {
             refuse(
                 &name,
@@ -381,6 +383,7 @@ pub(super) fn overriding(overrides: &Overrides, variables: bool) -> (Vec<Layer>,
             );
             continue;
         }
+        // It is not clear which of two values is meant.
         match set.iter().find_map(|(before, known)| {
             keys.iter()
                 .find(|key| known.contains(key))

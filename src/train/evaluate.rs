@@ -113,6 +113,7 @@ pub fn episodes(
             .filter(|&index| playing[index].is_some())
             .collect();
         if let Actor::MeanAction(agent) = actor {
+            // Columns are only lost once no episode waits, so the matrix is seldom made anew.
             if inputs.ncols() != active.len() {
                 inputs = DMatrix::zeros(spaces.observation_dim, active.len());
             }
@@ -141,6 +142,7 @@ pub fn episodes(
                 }
             }
             let transition = tasks[index].step(&action, &mut observations[index])?;
+            // Always there: only a task's own step ends its episode.
             let Some(episode) = playing[index] else {
                 continue;
             };

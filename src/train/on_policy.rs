@@ -96,6 +96,8 @@ impl<'a> Training<'a> {
 
     /// Runs the evaluation that is due, one rollout and one update.
     fn iterate(&mut self, sink: &mut dyn RunSink) -> Result<Flow, TrainError> {
+        // Not when it became due: at the end of the budget the last evaluation takes its place, and
+        // a run that is extended later still makes it up here.
         if mem::take(&mut self.progress.evaluation_due) {
             self.evaluate(sink, false)?;
         }
@@ -107,6 +109,7 @@ impl<'a> Training<'a> {
             spec.rollout.steps.size() / environments,
         )?;
         let rollout_seconds = began.elapsed().as_secs_f64();
+        // A watcher waits for a sign, and the update will take long too.
         sink.alive();
 
         let before = self.progress.env_steps;
@@ -131,6 +134,7 @@ impl<'a> Training<'a> {
         {
             sink.policy(after, false, self.algorithm.agent())?;
         }
+        // Where no episode ended, there is no mean, rather than one of 0.
         let mean = |of: fn(&Episode) -> f64| {
             let n = collected.episodes.len();
             (n > 0).then(|| collected.episodes.iter().map(of).sum::<f64>() / n as f64)

@@ -239,6 +239,7 @@ fn collect(
     let count = own.len() + others.iter().map(Vec::len).sum::<usize>();
     let mut filling = Filling::new(spaces, count, steps);
     let mut inputs = DMatrix::<f32>::zeros(spaces.observation_dim, count);
+    // The policy does not change during a rollout; only the normaliser does.
     let std: Vec<f32> = agent.policy.log_std().iter().map(|s| s.exp()).collect();
     let mut physics = Duration::ZERO;
 

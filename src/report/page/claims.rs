@@ -96,6 +96,7 @@ fn numbers(rows: &[ClaimRow]) -> String {
         .iter()
         .zip(&grid.numeric[1..])
         .map(|(header, numeric)| {
+            // The column of pictures stands beside the intervals, and needs no name.
             let picture = if header == "95 % interval" {
                 "<th scope=\"col\"></th>"
             } else {

@@ -263,6 +263,7 @@ fn panel_html(data: &CurveData, index: usize, panel: &Panel, stride: usize) -> S
         .iter()
         .enumerate()
         .map(|(turn, &(series, look, curve))| {
+            // Markers of several curves are shifted, so that none hides another.
             let shift = (turn as f64 + 0.5) / turns as f64;
             format!(
                 "<g class=\"series {}\" data-series=\"{series}\">{}</g>",
@@ -344,6 +345,7 @@ fn grid(data: &CurveData, axes: &Axes) -> String {
 /// A curve: its band, its mean, its markers, and the paper's value beside the axes.
 fn line(curve: &Curve, look: usize, axes: &Axes, stride: usize, shift: f64) -> String {
     let mut drawn = String::new();
+    // Later shapes cover earlier ones, so the tolerance and the band come before the mean.
     if curve.tolerance.len() > 1 {
         let points = thinned(&curve.tolerance, stride).map(|point| axes.at(*point));
         drawn.push_str(&format!(
@@ -351,6 +353,7 @@ fn line(curve: &Curve, look: usize, axes: &Axes, stride: usize, shift: f64) -> S
             path(points)
         ));
     }
+    // A method that does not train has one value, drawn from side to side.
     if let Some(level) = curve.level() {
         let y = axes.height_of(level.mean);
         if let Some((low, high)) = level.band {
@@ -387,6 +390,7 @@ fn line(curve: &Curve, look: usize, axes: &Axes, stride: usize, shift: f64) -> S
                 .map(|point| axes.at((point.env_steps, point.mean)))
                 .collect();
             match means.as_slice() {
+                // A path of one point cannot be seen.
                 [alone] => drawn.push_str(&mark(look, *alone)),
                 _ => drawn.push_str(&format!(
                     "<path class=\"mean\" d=\"{}\"/>",
@@ -405,6 +409,7 @@ fn line(curve: &Curve, look: usize, axes: &Axes, stride: usize, shift: f64) -> S
             .collect();
         drawn.push_str(&marks);
     }
+    // The paper has values after training alone, so the mark stands beside the axes.
     if let Some(paper) = curve.paper {
         let (from, y) = (axes.right + 20.0, axes.height_of(paper));
         drawn.push_str(&format!(

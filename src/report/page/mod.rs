@@ -99,6 +99,7 @@ pub fn html(page: &Contents<'_>) -> String {
         ("failures", "Failures", runs::failures(page)),
         ("provenance", "Provenance", provenance::body(page)),
     ];
+    // An empty section has no place in the page, and none in its menu.
     let filled = || sections.iter().filter(|(_, _, body)| !body.is_empty());
     let links: String = filled()
         .map(|(id, title, _)| format!("<a href=\"#{id}\">{title}</a>\n"))
@@ -107,6 +108,7 @@ pub fn html(page: &Contents<'_>) -> String {
         .map(|(id, title, body)| section(id, title, body))
         .collect();
     let (name, description) = (escape::html(&page.spec.name), prose(&page.spec.description));
+    // A policy in a `meta` element holds for what follows it, so it stands before the style.
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta http-equiv=\"Content-Security-Policy\" content=\"{policy}\">\n\

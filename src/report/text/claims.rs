@@ -256,6 +256,7 @@ pub fn csv(data: &ClaimsData) -> Result<Vec<u8>, csv::Error> {
         };
         let whole = |count: Option<usize>| count.map_or(String::new(), |count| count.to_string());
         vec![
+            // A spreadsheet would take a name that begins with `=` for a formula.
             escape::csv(&claim.name),
             escape::csv(&claim.of.to_string()),
             is.to_owned(),
@@ -272,6 +273,7 @@ pub fn csv(data: &ClaimsData) -> Result<Vec<u8>, csv::Error> {
             number(row.difference.map(|difference| difference.mean)),
             number(row.difference.map(|difference| difference.low)),
             number(row.difference.map(|difference| difference.high)),
+            // Without a difference, the limit is 0, which nobody asked for.
             number(row.difference.map(|_| row.limit)),
             number(row.improvement),
             whole(Some(row.seeds.found)),

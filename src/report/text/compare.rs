@@ -15,6 +15,7 @@ pub fn shown(data: &CompareData, width: Option<usize>) -> String {
         .to_vec();
     let side = |interval: Option<Interval>, seeds: usize| match interval {
         None => "–".to_owned(),
+        // One seed has no interval.
         Some(it) if seeds < 2 => alone(it.mean),
         Some(it) => plus_minus(it.mean, (it.high - it.low) / 2.0, OUR_DECIMALS),
     };

@@ -47,6 +47,7 @@ pub fn csv(data: &TableData) -> Result<Vec<u8>, csv::Error> {
     )?;
     for row in &data.rows {
         for (column, cell) in data.columns.iter().zip(&row.cells) {
+            // The matrix need not have a run for each pair of a row and a column.
             let Some(cell) = cell else { continue };
             let compared = cell.comparison.as_ref();
             let interval = compared.map(Comparison::interval);

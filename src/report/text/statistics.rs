@@ -50,6 +50,7 @@ pub fn grid(data: &StatisticsData) -> Grid {
         "environments",
         "runs",
     ];
+    // Of one method alone, there is none for the base to be above.
     let shown = |header: &str| compares || header != above;
     let row = |method: &Method| {
         let of = &method.aggregates;
@@ -60,6 +61,7 @@ pub fn grid(data: &StatisticsData) -> Grid {
             within(&of.mean),
             within(&of.optimality_gap),
             method.area.map_or(String::new(), two),
+            // The median is infinite where most runs never came so far.
             if method.half.is_finite() {
                 format!("{:.0} %", 100.0 * method.half)
             } else {

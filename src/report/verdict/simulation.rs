@@ -1,4 +1,4 @@
-//! What verdicts say of made-up papers, whose truth is known.
+//! The verdicts on made-up papers, whose truth is known.
 
 use rand_distr::{Distribution, StandardNormal};
 
@@ -26,7 +26,8 @@ impl Process {
             .collect()
     }
 
-    /// What the paper prints of it: the best of five, whose episodes deviate as much as seeds do.
+    /// The value that the paper prints of it: the best of five, whose episodes deviate as much as
+    /// seeds do.
     fn printed(self, rng: &mut Rng) -> PaperValue {
         let best = self
             .draw(PaperValue::SEEDS, rng)

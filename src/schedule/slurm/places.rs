@@ -91,6 +91,7 @@ pub fn places(
             let job = asked.iter().find_map(|asked| asked.holds(element));
             for run in runs
                 .iter()
+                // Another fingerprint is another run, whatever its name.
                 .filter(|run| wanted.get(run.id()) == Some(&run.fingerprint.as_str()))
             {
                 let (folder, is_cancelled) = (folder.clone(), cancelled.contains(&element));

@@ -59,8 +59,10 @@ impl Checker<'_> {
                     self.note(span.clone(), "this claim has no `than`", Some(label));
                 }
             }
+            // Another word is no relation, which is reported by itself.
             _ => {}
         }
+        // A margin that is no number is reported by itself too.
         let margin = claim.get("margin").map_or(Some(0.0), number);
         if text("is") == Some("like") && margin.is_some_and(|margin| margin <= 0.0) {
             let label =

@@ -48,6 +48,7 @@ impl Checker<'_> {
                 let Some(parameter) = Parameter::find(key) else {
                     return;
                 };
+                // `d` and `mcpo.d` are one number of MCPO.
                 let same = |(_, other): &&(&str, Parameter)| {
                     algorithms.iter().any(|name| parameter.is(other, name))
                 };
@@ -125,6 +126,7 @@ impl Checker<'_> {
                     return self.wrong(span, format!("unknown axis `{key}`"), label);
                 }
                 Some(parameter)
+                    // Without an algorithm that is known, nothing can be said of what applies.
                     if !algorithms.is_empty()
                         && !algorithms.iter().any(|name| parameter.applies_to(name)) =>
                 {
@@ -181,6 +183,7 @@ impl Checker<'_> {
                 }
             },
             (_, Some(parameter)) => this.parameter(key, parameter, algorithms, element),
+            // Such an axis was refused above.
             (_, None) => None,
         });
     }

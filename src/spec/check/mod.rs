@@ -205,6 +205,7 @@ impl<'a> Checker<'a> {
                 "slurm" => this.section(&Catalog::get().slurm, &[key], value),
                 _ if settings.schema(&[key]).is_some() => this.section(settings, &[key], value),
                 _ => {
+                    // Settings stand at the top of a file, beside its own keys.
                     let known = || {
                         ROOT_KEYS
                             .into_iter()
