@@ -91,9 +91,11 @@ mod tests {
     #[test]
     fn every_run_has_the_columns_of_its_whole_experiment() {
         let runs = planned(
-            "[[matrix]]\nseed = [0]\nenv = ['Ant-v2']\nalgorithm = ['mcpo', 'ppo']\nd = [0.5]\n'mcpo.max_kl' = [0.01]\n\
+            "[[matrix]]\nseed = [0]\nenv = ['Ant-v2']\nalgorithm = ['mcpo', 'ppo']\nd = [0.5]\n\
+             'mcpo.max_kl' = [0.01]\n\
              'rollout.steps' = [2048]\n\
-             [[matrix]]\nseed = [0]\nenv = ['Ant-v2']\nalgorithm = ['ppo']\n'ppo.normalize_advantages' = [false]\n\
+             [[matrix]]\nseed = [0]\nenv = ['Ant-v2']\nalgorithm = ['ppo']\n\
+             'ppo.normalize_advantages' = [false]\n\
              reward = ['dense']\n",
         );
         let columns: Vec<_> = runs.iter().map(RunSpec::axis_columns).collect();
@@ -122,7 +124,8 @@ mod tests {
     #[test]
     fn a_tolerance_that_is_a_share_is_told() {
         let runs = planned(
-            "[[matrix]]\nseed = [0]\nenv = ['Ant-v2']\nalgorithm = ['mcpo']\nd = [0.5, { relative = 0.01 }]\nepsilon = [0]\n",
+            "[[matrix]]\nseed = [0]\nenv = ['Ant-v2']\nalgorithm = ['mcpo']\n\
+             d = [0.5, { relative = 0.01 }]\nepsilon = [0]\n",
         );
         let told: Vec<_> = runs
             .iter()

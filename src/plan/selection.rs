@@ -107,7 +107,8 @@ mod tests {
     #[test]
     fn runs_are_selected_by_any_of_their_values() {
         let runs = planned(
-            "[[matrix]]\nseed = [0, 1]\nenv = ['Hopper-v2', 'InvertedPendulum-v2']\nalgorithm = ['mcpo', 'ppo']\n\
+            "[[matrix]]\nseed = [0, 1]\nenv = ['Hopper-v2', 'InvertedPendulum-v2']\n\
+             algorithm = ['mcpo', 'ppo']\n\
              d = [1e-3, 1e-2]\n",
         );
         for (text, count) in [

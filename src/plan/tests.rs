@@ -45,7 +45,8 @@ fn a_run_that_two_blocks_name_is_one() {
 #[test]
 fn hyperparameters_come_from_the_nearest_that_says_anything() {
     let said = "[algorithms.mcpo]\nd = 0.5\nmax_kl = 0.1\nmmd.samples = 'rollout'\n\
-                [environments.Ant-v2.algorithms.mcpo]\nd = 0.25\n[environments.Hopper-v2.algorithms.mcpo]\nd = 0.75\n";
+                [environments.Ant-v2.algorithms.mcpo]\nd = 0.25\n\
+                [environments.Hopper-v2.algorithms.mcpo]\nd = 0.75\n";
     let runs = planned(&format!("{TWO}max_kl = [0.2]\n{said}"));
     let mcpo = |env| {
         runs.iter()

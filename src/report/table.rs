@@ -152,9 +152,10 @@ mod tests {
             cell.ours.map(|ours| (ours.mean, ours.low, ours.high)),
             Some((15.0, 15.0, 15.0))
         );
-        assert!(
-            matches!(&cell.verdict, Some(Verdict::NotComparable(reason)) if reason.contains("1 seed"))
-        );
+        assert!(matches!(
+            &cell.verdict,
+            Some(Verdict::NotComparable(reason)) if reason.contains("1 seed")
+        ));
         assert!(
             data.notes
                 .iter()

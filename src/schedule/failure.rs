@@ -175,7 +175,8 @@ mod tests {
     fn the_cause_is_what_the_process_said_last() {
         let lines = |text: &str| text.lines().map(str::to_owned).collect::<Vec<_>>();
         let panic = lines(
-            "thread 'main' panicked at src/x.rs:1:2:\nindex out of bounds\nnote: run with RUST_BACKTRACE=1",
+            "thread 'main' panicked at src/x.rs:1:2:\nindex out of bounds\n\
+             note: run with RUST_BACKTRACE=1",
         );
         assert_eq!(
             cause("panicked (exit code 101)", &panic),

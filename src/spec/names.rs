@@ -192,7 +192,8 @@ mod tests {
             ),
             (
                 "choice = 'demo_state'",
-                "unknown name `demo_state`; the known ones are `demo_states`, `rollout` and `sparse`",
+                "unknown name `demo_state`; the known ones are `demo_states`, `rollout` and \
+                 `sparse`",
                 "the nearest known name is `demo_states`",
             ),
             (

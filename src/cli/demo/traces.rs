@@ -245,7 +245,8 @@ mod tests {
         let note = note(&demonstration(11, 17), None).expect("a note");
         assert_eq!(
             note,
-            "rewards are not recorded; the first 10 of 11 episodes; the first 16 of 17 numbers of an action"
+            "rewards are not recorded; the first 10 of 11 episodes; the first 16 of 17 numbers of \
+             an action"
         );
         assert_eq!(panels(&demonstration(11, 17), None).len(), 16);
     }

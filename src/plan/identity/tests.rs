@@ -200,7 +200,8 @@ fn departures_are_what_is_learned_otherwise_than_by_default() {
             assert!(planned(&text)[0].departures().is_empty(), "{name}, {env}");
         }
     }
-    let length = "'budget.env_steps' = [200_000]\n'evaluation.every' = [5_000]\n'checkpoint.every_seconds' = [1]\n";
+    let length = "'budget.env_steps' = [200_000]\n'evaluation.every' = [5_000]\n\
+        'checkpoint.every_seconds' = [1]\n";
     assert_eq!(
         departures(&format!("algorithm = ['mcpo']\n{length}")),
         [""; 0]
@@ -218,13 +219,15 @@ fn departures_are_what_is_learned_otherwise_than_by_default() {
     );
     assert_eq!(
         departures(
-            "algorithm = ['pretraining']\n'pretraining.ppo.clip' = [0.1]\n'network.hidden' = [[64, 64]]\n"
+            "algorithm = ['pretraining']\n'pretraining.ppo.clip' = [0.1]\n\
+             'network.hidden' = [[64, 64]]\n"
         ),
         ["network.hidden", "pretraining.ppo.clip"]
     );
     assert_eq!(
         departures(
-            "algorithm = ['ppo']\nreward = [{ sparse2 = { distance = 1.0 } }]\n'rollout.steps' = [2048]\n"
+            "algorithm = ['ppo']\nreward = [{ sparse2 = { distance = 1.0 } }]\n\
+             'rollout.steps' = [2048]\n"
         ),
         ["reward", "rollout.steps"]
     );
@@ -233,7 +236,8 @@ fn departures_are_what_is_learned_otherwise_than_by_default() {
 #[test]
 fn differences_name_the_key_and_both_values() {
     let before = run();
-    let other = "[[matrix]]\nseed = [8]\nenv = ['HalfCheetah-v2']\nalgorithm = ['mcpo']\nd = [0.5]\nmax_d = [1]\n";
+    let other = "[[matrix]]\nseed = [8]\nenv = ['HalfCheetah-v2']\nalgorithm = ['mcpo']\n\
+        d = [0.5]\nmax_d = [1]\n";
     let after = planned(other).remove(0);
     assert_eq!(
         differences(&before, &after),

@@ -45,9 +45,10 @@ fn the_margin_decides() {
         verdict(&base, &[1000.0, 5000.0, 3000.0]),
         Verdict::Inconclusive(_)
     ));
-    assert!(
-        matches!(verdict(&base, &[3000.0, 3000.0]), Verdict::NotComparable(reason) if reason.contains("2 seeds"))
-    );
+    assert!(matches!(
+        verdict(&base, &[3000.0, 3000.0]),
+        Verdict::NotComparable(reason) if reason.contains("2 seeds")
+    ));
 }
 
 #[test]

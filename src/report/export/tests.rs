@@ -9,7 +9,8 @@ use crate::{
 };
 
 fn recorded(results: &Path) -> ExperimentSpec {
-    let text = "name = \"made-up\"\ndescription = \"\"\nbudget.env_steps = 4096\n[[matrix]]\nseed = [0, 1]\n\
+    let text = "name = \"made-up\"\ndescription = \"\"\nbudget.env_steps = 4096\n[[matrix]]\n\
+        seed = [0, 1]\n\
         env = [\"Hopper-v2\", \"Ant-v2\"]\nalgorithm = [\"ppo\"]";
     for (env, seed, value) in [
         ("Hopper-v2", 0, 100.0),

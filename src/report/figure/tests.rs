@@ -207,7 +207,10 @@ fn long_names_are_broken_or_cut() {
 
 #[test]
 fn legends_of_any_length_stay_apart() {
-    let name = "a very long name of a series that does not fit into one line of a legend, whatever the size ".repeat(3);
+    let name =
+        "a very long name of a series that does not fit into one line of a legend, whatever \
+         the size "
+            .repeat(3);
     let data = figure(
         vec![panel("Ant-v2", vec![Some(curve(&[1.0, 2.0])); 16])],
         16,

@@ -404,16 +404,29 @@ mod tests {
     proptest::proptest! {
         #[test]
         fn every_label_says_where_its_mark_is(
-            low in -1.0..1.0_f64, width in 1e-6..1.0_f64, size in -30..30_i32, wanted in 1..12_usize, steps: bool,
+            low in -1.0..1.0_f64,
+            width in 1e-6..1.0_f64,
+            size in -30..30_i32,
+            wanted in 1..12_usize,
+            steps: bool,
         ) {
-            let scale = Scale { low: low * 10_f64.powi(size), high: (low + width) * 10_f64.powi(size), log: false };
+            let scale = Scale {
+                low: low * 10_f64.powi(size),
+                high: (low + width) * 10_f64.powi(size),
+                log: false,
+            };
             let ticks = if steps { scale.step_ticks(wanted) } else { scale.ticks(wanted) };
             let labels: std::collections::BTreeSet<&str> = labels(&ticks).into_iter().collect();
             proptest::prop_assert_eq!(labels.len(), ticks.len());
             for tick in &ticks {
                 let said = read(&tick.label);
-                proptest::prop_assert!((said - tick.at).abs() <= 1e-14 * tick.at.abs(), "{:?} says {}", tick, said);
-                proptest::prop_assert!(tick.at >= scale.low * (1.0 - 1e-9) - 1e-300 || tick.at <= scale.high);
+                proptest::prop_assert!(
+                    (said - tick.at).abs() <= 1e-14 * tick.at.abs(),
+                    "{:?} says {}", tick, said
+                );
+                proptest::prop_assert!(
+                    tick.at >= scale.low * (1.0 - 1e-9) - 1e-300 || tick.at <= scale.high
+                );
             }
         }
     }

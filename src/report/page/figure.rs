@@ -185,7 +185,8 @@ fn legend(data: &CurveData) -> String {
         .map(|(class, name, _)| {
             format!(
                 "<span class=\"key\"><svg class=\"sample\" viewBox=\"0 0 300 120\" \
-                 aria-hidden=\"true\"><path class=\"{class}\" d=\"M0 60h300\"/></svg>{name}</span>\n"
+                 aria-hidden=\"true\"><path class=\"{class}\" d=\"M0 60h300\"/>\
+                 </svg>{name}</span>\n"
             )
         });
     series.chain(others).collect()

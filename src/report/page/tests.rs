@@ -14,7 +14,8 @@ fn experiment(text: &str) -> ExperimentSpec {
     spec::parse(Path::new("made-up.toml"), &whole, &Overrides::default()).expect("a valid file")
 }
 
-const MATRIX: &str = "[[matrix]]\nseed = [0, 1]\nenv = [\"Hopper-v2\"]\nalgorithm = [\"mcpo\", \"ppo\"]\n\
+const MATRIX: &str = "[[matrix]]\nseed = [0, 1]\nenv = [\"Hopper-v2\"]\n\
+    algorithm = [\"mcpo\", \"ppo\"]\n\
     [[figures]]\nname = \"f\"\ntitle = \"F\"\ny = \"return\"\nseries = [\"algorithm\"]\n";
 
 /// The page of `runs`, each curve with so many points where that is said.

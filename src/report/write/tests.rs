@@ -133,7 +133,8 @@ fn runs_of_other_settings_are_left_out_and_named_once() {
     let folder = tempfile::tempdir().expect("a folder");
     record_some(folder.path());
     let spec = experiment(
-        "[environments.Hopper-v2.algorithms.mcpo]\nmax_kl = 0.25\n[[figures]]\nname=\"f\"\ntitle=\"\"\ny=\"return\"\nseries=[]",
+        "[environments.Hopper-v2.algorithms.mcpo]\nmax_kl = 0.25\n[[figures]]\nname=\"f\"\n\
+         title=\"\"\ny=\"return\"\nseries=[]",
     );
     let written = report(&spec, folder.path());
     let start = "1 of 4 runs finished; 2 were recorded with another `mcpo.max_kl`.";
@@ -152,7 +153,8 @@ fn runs_of_other_settings_are_left_out_and_named_once() {
 fn a_sweep_has_settings_as_rows() {
     let folder = tempfile::tempdir().expect("a folder");
     record_some(folder.path());
-    let sweep = "[[matrix]]\nseed = [0]\nenv = [\"Hopper-v2\"]\nalgorithm = [\"mcpo\"]\nd = [1e-1, 1e-2, 1.0]";
+    let sweep = "[[matrix]]\nseed = [0]\nenv = [\"Hopper-v2\"]\nalgorithm = [\"mcpo\"]\n\
+        d = [1e-1, 1e-2, 1.0]";
     let table = &report(&experiment(sweep), folder.path()).tables[0];
     assert_eq!(
         (&table.row_keys, &table.column_keys),
@@ -292,7 +294,8 @@ fn an_experiment_without_figures_gets_curves_and_a_table_the_same_bytes_twice() 
 fn only_selects_runs() {
     let folder = tempfile::tempdir().expect("a folder");
     record_some(folder.path());
-    let more = "[[tables]]\nname = \"t\"\ntitle = \"\"\nrows = [\"env\"]\ncolumns = \"algorithm\"\nonly = \"algorithm=ppo\"";
+    let more = "[[tables]]\nname = \"t\"\ntitle = \"\"\nrows = [\"env\"]\ncolumns = \"algorithm\"\n\
+        only = \"algorithm=ppo\"";
     let written = report(&experiment(more), folder.path());
     assert_eq!(written.tables[0].columns.len(), 1);
     assert_eq!(written.tables[0].columns[0].text, "PPO");

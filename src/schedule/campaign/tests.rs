@@ -530,7 +530,8 @@ fn a_run_that_another_process_lets_go_waits_in_its_place_of_the_queue() {
         1,
         [vec![Message::Event(Event::Claimed), exited("exit code 0")]].into(),
     );
-    script.lives.insert(2, [vec![began()]].into()); // longer than the pause between two looks around
+    script.lives.insert(2, [vec![began()]].into());
+    // Longer than the pause between two looks around.
     let hang_timeout = LOOK_AROUND + Duration::from_millis(500);
     play_due(
         &mut script,

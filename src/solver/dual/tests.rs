@@ -263,8 +263,14 @@ proptest! {
         let lost = 1e-14 * (alpha * alpha * q + beta * beta * s);
         let linear = alpha * r + beta * s;
         let quadratic = (alpha * alpha * q + 2.0 * alpha * beta * r + beta * beta * s) / 2.0;
-        prop_assert!(linear <= slack + 1e-12 * reach + (lost * s).sqrt(), "b.x = {linear}: {solution:?}");
-        prop_assert!(quadratic <= radius * (1.0 + 1e-12) + lost, "x.Hx/2 = {quadratic}: {solution:?}");
+        prop_assert!(
+            linear <= slack + 1e-12 * reach + (lost * s).sqrt(),
+            "b.x = {linear}: {solution:?}"
+        );
+        prop_assert!(
+            quadratic <= radius * (1.0 + 1e-12) + lost,
+            "x.Hx/2 = {quadratic}: {solution:?}"
+        );
         let Some((lambda, nu)) = solution.multipliers() else {
             // g = 0: any feasible point is an optimum.
             prop_assert_eq!((solution.name(), q), ("degenerate_g", 0.0));
@@ -275,8 +281,14 @@ proptest! {
         // it: 1e-6 is what ROUNDING may cost where g is parallel to b, and elsewhere it costs
         // next to nothing.
         let range = (2.0 * radius * q).sqrt();
-        prop_assert!(lambda * (radius - quadratic - lost) <= 1e-6 * range, "{solution:?}: the ball is slack");
-        prop_assert!(nu * (slack - linear) <= 1e-6 * range + nu * (lost * s).sqrt(), "{solution:?}: the half-space is slack");
+        prop_assert!(
+            lambda * (radius - quadratic - lost) <= 1e-6 * range,
+            "{solution:?}: the ball is slack"
+        );
+        prop_assert!(
+            nu * (slack - linear) <= 1e-6 * range + nu * (lost * s).sqrt(),
+            "{solution:?}: the half-space is slack"
+        );
     }
 
     #[test]
@@ -288,11 +300,29 @@ proptest! {
         let scaled = DualProblem { q: q * unit * unit, r: r * unit, slack, s, radius };
         prop_assert_eq!(solve(&scaled).name(), solve(&problem).name());
         let scaled_g = solve(&scaled).coefficients();
-        prop_assert_eq!(scaled_g, solve(&problem).coefficients().map(|(alpha, beta)| (alpha / unit, beta)));
-        let scaled = DualProblem { q, r: r * unit, s: s * unit * unit, slack: slack * unit, radius };
+        prop_assert_eq!(
+            scaled_g,
+            solve(&problem).coefficients().map(|(alpha, beta)| (alpha / unit, beta))
+        );
+        let scaled = DualProblem {
+            q,
+            r: r * unit,
+            s: s * unit * unit,
+            slack: slack * unit,
+            radius,
+        };
         let scaled_b = solve(&scaled).coefficients();
-        prop_assert_eq!(scaled_b, solve(&problem).coefficients().map(|(alpha, beta)| (alpha, beta / unit)));
-        let scaled = DualProblem { q: q * unit, r: r * unit, s: s * unit, slack: slack * unit, radius: radius * unit };
+        prop_assert_eq!(
+            scaled_b,
+            solve(&problem).coefficients().map(|(alpha, beta)| (alpha, beta / unit))
+        );
+        let scaled = DualProblem {
+            q: q * unit,
+            r: r * unit,
+            s: s * unit,
+            slack: slack * unit,
+            radius: radius * unit,
+        };
         prop_assert_eq!(solve(&scaled).coefficients(), solve(&problem).coefficients());
     }
 }
