@@ -181,6 +181,7 @@ pub fn prepare(
         return Err(Problems(vec![error.into()]));
     }
     let mut states = Vec::with_capacity(planned.len());
+    let mut needed = 0;
     for run in planned {
         match run.state() {
             Err(error) => problems.push(error.into()),
@@ -198,14 +199,14 @@ pub fn prepare(
             Ok(RunState::Unusable { reason } | RunState::Damaged { reason }) if !fresh => {
                 problems.push(Problem::Unusable { reason })
             }
-            Ok(state) => states.push(state),
+            Ok(state) => {
+                if !matches!(state, RunState::Finished(_)) {
+                    needed += bytes_needed(&run.spec);
+                }
+                states.push(state);
+            }
         }
     }
-    let due = planned
-        .iter()
-        .zip(&states)
-        .filter(|(_, state)| !matches!(state, RunState::Finished(_)));
-    let needed: u64 = due.map(|(run, _)| bytes_needed(&run.spec)).sum();
     match fs4::available_space(results) {
         Ok(available) if available < needed => problems.push(Problem::NoSpace {
             folder: results.to_owned(),
