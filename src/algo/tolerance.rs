@@ -118,12 +118,9 @@ mod tests {
     use super::*;
     use crate::quantity::constant;
 
-    fn read(text: &str) -> Result<Tolerance, String> {
-        let table: toml::Table = toml::from_str(text).map_err(|error| error.to_string())?;
-        table["d"]
-            .clone()
-            .try_into()
-            .map_err(|error: toml::de::Error| error.message().to_owned())
+    fn read(text: &str) -> Result<Tolerance, toml::de::Error> {
+        let table: toml::Table = toml::from_str(text)?;
+        table["d"].clone().try_into()
     }
 
     #[test]
@@ -144,7 +141,7 @@ mod tests {
             ("d = {}", "missing field `relative`"),
         ] {
             let error = read(text).expect_err(text);
-            assert!(error.contains(told), "{text}: {error}");
+            assert!(error.message().contains(told), "{text}: {error}");
         }
     }
 

@@ -36,7 +36,7 @@ use std::{io, path::PathBuf};
 
 pub use axis::Label;
 pub use cell::{Best, Cell, Row};
-pub use claims::{ClaimRow, ClaimVerdict, ClaimsData, Count};
+pub use claims::{ClaimRow, ClaimVerdict, ClaimsData, Count, Unjudged};
 pub use compare::{CompareData, CompareRow, in_folder};
 pub use curve::{Curve, CurveData, LeftOut, Panel, Point};
 pub use figure::{BLACK, PALETTE, picture};

@@ -107,7 +107,10 @@ fn ended(
         Outcome::Finished => {
             let recording = match recording(manifest, paths, columns)? {
                 Ok(recording) => recording,
-                Err(error) => return Ok(as_planned(State::Failed { error })),
+                Err(error) => {
+                    let error = error.to_string();
+                    return Ok(as_planned(State::Failed { error }));
+                }
             };
             // Its budget and evaluations, which do not make it another run, are reported as
             // recorded and not as planned.
@@ -166,12 +169,23 @@ fn under_way(
     }))
 }
 
-/// The recorded results of a finished run, or the reason why they are not a result.
+/// The ways in which what a finished run recorded is no result.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+enum NoResult {
+    /// A final return is NaN or infinite.
+    #[error("the return of its final evaluation is {0}")]
+    NotFinite(f64),
+    /// No episode belongs to the evaluation at the end of training.
+    #[error("it has no final evaluation")]
+    NoFinalEvaluation,
+}
+
+/// The recorded results of a finished run, unless they are no result.
 fn recording(
     manifest: Manifest,
     paths: &RunPaths,
     columns: Columns<'_>,
-) -> Result<Result<Recording, String>, RecordError> {
+) -> Result<Result<Recording, NoResult>, RecordError> {
     manifest.check_tables(&paths.complete)?;
     let episodes = rows::read_evaluations(&RunPaths::evaluations(&paths.complete))?;
     let evaluations = episodes
@@ -185,8 +199,8 @@ fn recording(
     let recording = Recording::new(manifest.stamp, evaluations, progress);
     let returns = recording.final_returns();
     Ok(match returns.iter().find(|value| !value.is_finite()) {
-        Some(value) => Err(format!("the return of its final evaluation is {value}")),
-        None if returns.is_empty() => Err("it has no final evaluation".to_owned()),
+        Some(value) => Err(NoResult::NotFinite(*value)),
+        None if returns.is_empty() => Err(NoResult::NoFinalEvaluation),
         None => Ok(recording),
     })
 }

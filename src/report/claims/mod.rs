@@ -18,6 +18,7 @@ use super::{
     verdict::SEEDS_FOR_VERDICT,
 };
 use crate::{
+    env::EnvId,
     measured::Measure,
     spec::{Claim, Environments, Key, Relation, Selection, Versus},
     stats::{Interval, share_above},
@@ -80,7 +81,34 @@ pub enum ClaimVerdict {
     /// The runs contradict the claim.
     Contradicted,
     /// The runs decide neither; with the reason, unless it lies in the numbers themselves.
-    Inconclusive(Option<String>),
+    Inconclusive(Option<Unjudged>),
+}
+
+/// The ways in which the runs give no numbers to judge.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum Unjudged {
+    /// None is selected.
+    #[error("the file has no such runs")]
+    NoRuns,
+    /// The other side is of several settings, which cannot be averaged.
+    #[error("the runs that they are compared with differ in {}", listed(.0))]
+    Differ(Vec<Key>),
+    /// Too few seeds have a number.
+    #[error("{} in {env}; {SEEDS_FOR_VERDICT} are needed", amount::count(*found, "seed"))]
+    FewSeeds {
+        /// The number of seeds that have one.
+        found: usize,
+        /// The environment.
+        env: EnvId,
+    },
+    /// The demonstration's return is unknown, or there are several.
+    #[error("the return of the demonstration in {0} is not recorded, or not of one")]
+    NoDemonstratedReturn(EnvId),
+}
+
+fn listed(keys: &[Key]) -> String {
+    let names: Vec<String> = keys.iter().map(Key::to_string).collect();
+    names.join(", ")
 }
 
 impl ClaimVerdict {
@@ -196,7 +224,7 @@ fn rows(claim: &Claim, runs: &[Run]) -> Vec<ClaimRow> {
 
 /// The rows of one claim, whose verdicts allow for each other.
 fn verdicts(claim: &Claim, rows: Vec<Row<'_>>) -> Vec<ClaimRow> {
-    let parts: Vec<Result<Vec<Part>, String>> =
+    let parts: Vec<Result<Vec<Part>, Unjudged>> =
         rows.iter().map(|row| parts(claim, &row.sides)).collect();
     let judged: Vec<Option<Judged>> = parts
         .iter()
@@ -261,9 +289,9 @@ fn improvement(parts: &[Part]) -> f64 {
 }
 
 /// The numbers of either side, one part per environment; or the reason why there are none to judge.
-fn parts(claim: &Claim, sides: &[Sides<'_>]) -> Result<Vec<Part>, String> {
+fn parts(claim: &Claim, sides: &[Sides<'_>]) -> Result<Vec<Part>, Unjudged> {
     if sides.is_empty() {
-        return Err("the file has no such runs".to_owned());
+        return Err(Unjudged::NoRuns);
     }
     sides
         .iter()
@@ -271,23 +299,16 @@ fn parts(claim: &Claim, sides: &[Sides<'_>]) -> Result<Vec<Part>, String> {
         .collect()
 }
 
-fn part(claim: &Claim, of: &[&Run], than: &[&Run]) -> Result<Part, String> {
-    let env = of[0].spec.env.name();
+fn part(claim: &Claim, of: &[&Run], than: &[&Run]) -> Result<Part, Unjudged> {
+    let env = of[0].spec.env;
     // The other side is one sample, so its runs may differ in their seed alone.
     let differing = axis::hidden_axes(than, &[Key::Env]);
     if !differing.is_empty() {
-        return Err(format!(
-            "the runs that they are compared with differ in {}",
-            differing
-                .iter()
-                .map(Key::to_string)
-                .collect::<Vec<_>>()
-                .join(", ")
-        ));
+        return Err(Unjudged::Differ(differing));
     }
     // Only returns have a scale of the paper's.
     let scale = (claim.is != Relation::Kept && claim.on == Measure::Return)
-        .then(|| reference::scale(env))
+        .then(|| reference::scale(env.name()))
         .flatten();
     let enough = |runs: &[&Run]| {
         let values: Vec<f64> = runs
@@ -295,17 +316,14 @@ fn part(claim: &Claim, of: &[&Run], than: &[&Run]) -> Result<Part, String> {
             .filter_map(|run| measure::of(run, claim))
             .collect();
         match values.len() {
-            found if found < SEEDS_FOR_VERDICT => Err(format!(
-                "{} in {env}; {SEEDS_FOR_VERDICT} are needed",
-                amount::count(found, "seed")
-            )),
+            found if found < SEEDS_FOR_VERDICT => Err(Unjudged::FewSeeds { found, env }),
             _ => Ok(values),
         }
     };
     let level = match &claim.than {
-        Some(Versus::Demonstration) => demonstrated_return(of).ok_or_else(|| {
-            format!("the return of the demonstration in {env} is not recorded, or not of one")
-        })?,
+        Some(Versus::Demonstration) => {
+            demonstrated_return(of).ok_or(Unjudged::NoDemonstratedReturn(env))?
+        }
         Some(Versus::Runs(_)) | None => 0.0,
     };
     Ok(Part {

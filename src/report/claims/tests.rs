@@ -35,7 +35,7 @@ const ABOVE_PPO: &str = "of = 'algorithm=mcpo'\nis = 'above'\nthan = 'algorithm=
 #[test]
 fn what_cannot_be_judged_says_why() {
     let reason = |text: &str, runs: &[Vec<Run>]| match verdict(text, runs) {
-        ClaimVerdict::Inconclusive(Some(reason)) => reason,
+        ClaimVerdict::Inconclusive(Some(reason)) => reason.to_string(),
         other => panic!("{other:?}"),
     };
     let three = [1.0, 2.0, 3.0];
