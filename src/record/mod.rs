@@ -38,6 +38,7 @@ pub use repository::Git;
 pub use under_way::UnderWay;
 
 use crate::intake::{self, Links};
+use policy::PolicyError;
 
 /// The beginning of the names of files that are not yet in their place.
 const WRITING: &str = ".writing-";
@@ -76,6 +77,14 @@ pub enum RecordError {
         path: PathBuf,
         /// The evidence of the damage.
         reason: String,
+    },
+    /// The file is no saved policy.
+    #[error("{} is not a saved policy: {source}", path.display())]
+    Policy {
+        /// The file.
+        path: PathBuf,
+        /// The mistake in it.
+        source: PolicyError,
     },
     /// The file is there but of the wrong kind.
     #[error("{} is not {expected}: {reason}", path.display())]

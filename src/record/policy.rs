@@ -7,10 +7,14 @@
 //! then tanh except after the last one; the input is `clip((observation - mean) / (std + 1e-8),
 //! -clip, clip)`.
 
+mod error;
+
 use std::{collections::HashMap, path::Path};
 
 use safetensors::{Dtype, SafeTensorError, SafeTensors, tensor::TensorView};
 use serde::{Deserialize, Serialize};
+
+pub use error::PolicyError;
 
 use super::{RecordError, Stamp, read_bounded, write_atomically};
 use crate::{
@@ -30,7 +34,7 @@ const LIMIT: u64 = 1 << 30;
 ///
 /// The disk refuses, or a parameter is not finite.
 pub fn write(path: &Path, agent: &Agent, stamp: &Stamp) -> Result<(), RecordError> {
-    let bytes = encode(agent, stamp).map_err(|reason| malformed(path, reason))?;
+    let bytes = encode(agent, stamp).map_err(|error| malformed(path, error))?;
     write_atomically(path, &bytes)
 }
 
@@ -40,7 +44,7 @@ pub fn write(path: &Path, agent: &Agent, stamp: &Stamp) -> Result<(), RecordErro
 ///
 /// There is no such file, it is damaged, its shapes do not fit together, or a number is not finite.
 pub fn read(path: &Path) -> Result<(Agent, Stamp), RecordError> {
-    decode(&bytes(path)?).map_err(|reason| malformed(path, reason))
+    decode(&bytes(path)?).map_err(|error| malformed(path, error))
 }
 
 /// As [`read`], for a policy that must act within `spaces`.
@@ -51,19 +55,9 @@ pub fn read(path: &Path) -> Result<(Agent, Stamp), RecordError> {
 pub fn read_for(path: &Path, spaces: Spaces) -> Result<(Agent, Stamp), RecordError> {
     let (agent, stamp) = read(path)?;
     let found = (agent.normalizer.mean().len(), agent.policy.log_std().len());
-    let expected = (spaces.observation_dim, spaces.action_dim);
-    if found != expected {
-        let shape = |(observation, action)| {
-            format!("observations of {observation} and actions of {action} numbers")
-        };
-        return Err(malformed(
-            path,
-            format!(
-                "it has {}; its environment has {}",
-                shape(found),
-                shape(expected)
-            ),
-        ));
+    let needed = (spaces.observation_dim, spaces.action_dim);
+    if found != needed {
+        return Err(malformed(path, PolicyError::Dimensions { found, needed }));
     }
     Ok((agent, stamp))
 }
@@ -75,8 +69,7 @@ pub fn read_for(path: &Path, spaces: Spaces) -> Result<(Agent, Stamp), RecordErr
 /// There is no such file, or it is damaged.
 pub fn digest(path: &Path) -> Result<String, RecordError> {
     let bytes = bytes(path)?;
-    let tensors =
-        SafeTensors::deserialize(&bytes).map_err(|error| malformed(path, error.to_string()))?;
+    let tensors = SafeTensors::deserialize(&bytes).map_err(|error| malformed(path, error))?;
     let mut tensors = tensors.tensors();
     tensors.sort_by(|(a, _), (b, _)| a.cmp(b));
     let mut hasher = blake3::Hasher::new();
@@ -88,14 +81,13 @@ pub fn digest(path: &Path) -> Result<String, RecordError> {
 }
 
 fn bytes(path: &Path) -> Result<Vec<u8>, RecordError> {
-    read_bounded(path, LIMIT)?.ok_or_else(|| malformed(path, "there is no such file".to_owned()))
+    read_bounded(path, LIMIT)?.ok_or_else(|| malformed(path, PolicyError::Missing))
 }
 
-fn malformed(path: &Path, reason: String) -> RecordError {
-    RecordError::Malformed {
+fn malformed(path: &Path, error: impl Into<PolicyError>) -> RecordError {
+    RecordError::Policy {
         path: path.to_owned(),
-        expected: "a saved policy",
-        reason,
+        source: error.into(),
     }
 }
 
@@ -115,7 +107,7 @@ struct Tensor {
     bytes: Vec<u8>,
 }
 
-fn encode(agent: &Agent, stamp: &Stamp) -> Result<Vec<u8>, String> {
+fn encode(agent: &Agent, stamp: &Stamp) -> Result<Vec<u8>, PolicyError> {
     let mut tensors = Vec::new();
     push_network(&mut tensors, "policy.mean", agent.policy.mean());
     push_f32(
@@ -127,14 +119,13 @@ fn encode(agent: &Agent, stamp: &Stamp) -> Result<Vec<u8>, String> {
     push_network(&mut tensors, "value", &agent.value);
     let parts: NormalizerParts = serde_json::to_value(&agent.normalizer)
         .and_then(serde_json::from_value)
-        .map_err(|error| format!("the normaliser cannot be taken apart: {error}"))?;
+        .map_err(PolicyError::NormalizerParts)?;
     push_f64(&mut tensors, "normalizer.mean", &parts.mean);
     push_f64(&mut tensors, "normalizer.std", &agent.normalizer.std());
     push_f64(&mut tensors, "normalizer.deviations", &parts.deviations);
     push_f64(&mut tensors, "normalizer.count", &[parts.count]);
     push_f64(&mut tensors, "normalizer.clip", &[parts.clip]);
-    let stamp =
-        serde_json::to_string(&stamp.without_origin()).map_err(|error| error.to_string())?;
+    let stamp = serde_json::to_string(&stamp.without_origin()).map_err(PolicyError::Stamp)?;
     let metadata = HashMap::from([(Stamp::KEY.to_owned(), stamp)]);
     let views: Result<Vec<_>, SafeTensorError> = tensors
         .iter()
@@ -145,9 +136,7 @@ fn encode(agent: &Agent, stamp: &Stamp) -> Result<Vec<u8>, String> {
             ))
         })
         .collect();
-    views
-        .and_then(|views| safetensors::serialize(views, Some(metadata)))
-        .map_err(|error| error.to_string())
+    Ok(safetensors::serialize(views?, Some(metadata))?)
 }
 
 fn push_network(tensors: &mut Vec<(String, Tensor)>, name: &str, network: &Mlp) {
@@ -197,46 +186,51 @@ fn push_f64(tensors: &mut Vec<(String, Tensor)>, name: &str, numbers: &[f64]) {
     ));
 }
 
-fn decode(bytes: &[u8]) -> Result<(Agent, Stamp), String> {
-    let (_, header) = SafeTensors::read_metadata(bytes).map_err(|error| error.to_string())?;
+fn decode(bytes: &[u8]) -> Result<(Agent, Stamp), PolicyError> {
+    let (_, header) = SafeTensors::read_metadata(bytes)?;
     let stamp = header
         .metadata()
         .as_ref()
         .and_then(|metadata| metadata.get(Stamp::KEY));
-    let stamp = stamp.ok_or_else(|| format!("its metadata has no `{}`", Stamp::KEY))?;
-    let stamp = serde_json::from_str(stamp)
-        .map_err(|error| format!("its `{}` is damaged: {error}", Stamp::KEY))?;
-    let tensors = SafeTensors::deserialize(bytes).map_err(|error| error.to_string())?;
+    let stamp = stamp.ok_or(PolicyError::NoStamp)?;
+    let stamp = serde_json::from_str(stamp).map_err(PolicyError::Stamp)?;
+    let tensors = SafeTensors::deserialize(bytes)?;
 
     let normalizer = read_normalizer(&tensors)?;
-    let (widths, mean) = read_network(&tensors, "policy.mean")?;
-    let (value_widths, value) = read_network(&tensors, "value")?;
+    let mean = read_network(&tensors, "policy.mean")?;
+    let value = read_network(&tensors, "value")?;
     let log_std = read_vector(
         &tensors,
         "policy.log_std",
         f32::from_le_bytes,
         f32::is_finite,
     )?;
-    let (observation_dim, hidden, action_dim) = ends(&widths)?;
-    let (value_inputs, _, values) = ends(&value_widths)?;
     let fits = [
-        ("policy.log_std", log_std.len(), action_dim),
-        ("value", values, 1),
-        ("the value network's input", value_inputs, observation_dim),
-        ("normalizer.mean", normalizer.mean().len(), observation_dim),
+        ("policy.log_std", log_std.len(), mean.outputs),
+        ("value", value.outputs, 1),
+        ("the value network's input", value.inputs, mean.inputs),
+        ("normalizer.mean", normalizer.mean().len(), mean.inputs),
     ];
-    if let Some((what, got, expected)) = fits.into_iter().find(|(_, got, expected)| got != expected)
-    {
-        return Err(format!(
-            "{what} has {got} numbers; {expected} would fit the policy's network"
-        ));
+    for (quantity, found, needed) in fits {
+        if found != needed {
+            return Err(PolicyError::Length {
+                quantity: quantity.to_owned(),
+                found,
+                needed,
+                other: "the policy's network",
+            });
+        }
     }
     // The initial weights are overwritten: networks have no constructor from weights.
     let mut unused = Seed(0).stream(Stream::Network, 0);
-    let mut policy = GaussianPolicy::new(observation_dim, hidden, action_dim, 1.0, &mut unused);
-    policy.set_parameters(&[mean, log_std].concat());
-    let mut value_network = Mlp::new(&value_widths, 1.0, &mut unused);
-    value_network.parameters_mut().copy_from_slice(&value);
+    let (inputs, outputs) = (mean.inputs, mean.outputs);
+    let mut policy = GaussianPolicy::new(inputs, &mean.hidden, outputs, 1.0, &mut unused);
+    policy.set_parameters(&[mean.parameters, log_std].concat());
+    let widths = [&[value.inputs], value.hidden.as_slice(), &[value.outputs]].concat();
+    let mut value_network = Mlp::new(&widths, 1.0, &mut unused);
+    value_network
+        .parameters_mut()
+        .copy_from_slice(&value.parameters);
     Ok((
         Agent {
             policy,
@@ -247,19 +241,15 @@ fn decode(bytes: &[u8]) -> Result<(Agent, Stamp), String> {
     ))
 }
 
-/// The widths of input, hidden layers and output.
-fn ends(widths: &[usize]) -> Result<(usize, &[usize], usize), String> {
-    match widths {
-        [input, hidden @ .., output] => Ok((*input, hidden, *output)),
-        _ => Err("a network has no layers".to_owned()),
-    }
-}
-
-fn read_normalizer(tensors: &SafeTensors<'_>) -> Result<Normalizer, String> {
+fn read_normalizer(tensors: &SafeTensors<'_>) -> Result<Normalizer, PolicyError> {
     let vector = |name: &str| read_vector(tensors, name, f64::from_le_bytes, f64::is_finite);
     let scalar = |name: &str| match vector(name)?[..] {
         [number] => Ok(number),
-        _ => Err(format!("`{name}` has not one number")),
+        ref numbers => Err(PolicyError::Shape {
+            tensor: name.to_owned(),
+            found: vec![numbers.len()],
+            needed: "[1]",
+        }),
     };
     let (mean, deviations) = (vector("normalizer.mean")?, vector("normalizer.deviations")?);
     let (count, clip) = (scalar("normalizer.count")?, scalar("normalizer.clip")?);
@@ -268,7 +258,7 @@ fn read_normalizer(tensors: &SafeTensors<'_>) -> Result<Normalizer, String> {
         || clip <= 0.0
         || deviations.iter().any(|&sum| sum < 0.0)
     {
-        return Err("its normaliser's numbers do not fit together".to_owned());
+        return Err(PolicyError::Normalizer);
     }
     serde_json::to_value(NormalizerParts {
         count,
@@ -277,11 +267,20 @@ fn read_normalizer(tensors: &SafeTensors<'_>) -> Result<Normalizer, String> {
         clip,
     })
     .and_then(serde_json::from_value)
-    .map_err(|error| format!("its normaliser cannot be put together: {error}"))
+    .map_err(PolicyError::NormalizerParts)
 }
 
-/// A network's widths, and its parameters as [`Mlp::parameters`] lays them out.
-fn read_network(tensors: &SafeTensors<'_>, name: &str) -> Result<(Vec<usize>, Vec<f32>), String> {
+/// A network as a file holds it.
+struct Network {
+    inputs: usize,
+    /// The widths of the hidden layers.
+    hidden: Vec<usize>,
+    outputs: usize,
+    /// As [`Mlp::parameters`] lays them out.
+    parameters: Vec<f32>,
+}
+
+fn read_network(tensors: &SafeTensors<'_>, name: &str) -> Result<Network, PolicyError> {
     let (mut widths, mut parameters) = (Vec::new(), Vec::new());
     for index in 0.. {
         let weight = format!("{name}.{index}.weight");
@@ -289,29 +288,29 @@ fn read_network(tensors: &SafeTensors<'_>, name: &str) -> Result<(Vec<usize>, Ve
             break;
         };
         let &[outputs, inputs] = view.shape() else {
-            return Err(format!(
-                "`{weight}` has the shape {:?}; [out, in] was expected",
-                view.shape()
-            ));
+            return Err(PolicyError::Shape {
+                tensor: weight,
+                found: view.shape().to_vec(),
+                needed: "[out, in]",
+            });
         };
         if outputs == 0 || inputs == 0 || widths.last().is_some_and(|&before| before != inputs) {
-            return Err(format!(
-                "`{weight}` has the shape {:?}, which does not follow {widths:?}",
-                view.shape()
-            ));
+            return Err(PolicyError::Layer {
+                tensor: weight,
+                found: [outputs, inputs],
+                before: widths,
+            });
         }
         let by_rows = numbers(&view, &weight, f32::from_le_bytes, f32::is_finite)?;
-        let biases = read_vector(
-            tensors,
-            &format!("{name}.{index}.bias"),
-            f32::from_le_bytes,
-            f32::is_finite,
-        )?;
+        let bias = format!("{name}.{index}.bias");
+        let biases = read_vector(tensors, &bias, f32::from_le_bytes, f32::is_finite)?;
         if biases.len() != outputs {
-            return Err(format!(
-                "`{name}.{index}.bias` has {} numbers; {outputs} would fit its weight",
-                biases.len()
-            ));
+            return Err(PolicyError::Length {
+                quantity: bias,
+                found: biases.len(),
+                needed: outputs,
+                other: "its weight",
+            });
         }
         if widths.is_empty() {
             widths.push(inputs);
@@ -322,11 +321,15 @@ fn read_network(tensors: &SafeTensors<'_>, name: &str) -> Result<(Vec<usize>, Ve
             .extend((0..inputs).flat_map(|column| by_rows.iter().skip(column).step_by(inputs)));
         parameters.extend(biases);
     }
-    if widths.is_empty() {
-        Err(format!("`{name}.0.weight` is missing"))
-    } else {
-        Ok((widths, parameters))
-    }
+    let [inputs, ref hidden @ .., outputs] = widths[..] else {
+        return Err(PolicyError::NoTensor(format!("{name}.0.weight")));
+    };
+    Ok(Network {
+        inputs,
+        hidden: hidden.to_vec(),
+        outputs,
+        parameters,
+    })
 }
 
 fn read_vector<T: Copy, const N: usize>(
@@ -334,15 +337,16 @@ fn read_vector<T: Copy, const N: usize>(
     name: &str,
     decode: fn([u8; N]) -> T,
     is_finite: fn(T) -> bool,
-) -> Result<Vec<T>, String> {
+) -> Result<Vec<T>, PolicyError> {
     let view = tensors
         .tensor(name)
-        .map_err(|_| format!("`{name}` is missing"))?;
+        .map_err(|_| PolicyError::NoTensor(name.to_owned()))?;
     if view.shape().len() != 1 {
-        return Err(format!(
-            "`{name}` has the shape {:?}; one dimension was expected",
-            view.shape()
-        ));
+        return Err(PolicyError::Shape {
+            tensor: name.to_owned(),
+            found: view.shape().to_vec(),
+            needed: "one dimension",
+        });
     }
     numbers(&view, name, decode, is_finite)
 }
@@ -352,18 +356,22 @@ fn numbers<T: Copy, const N: usize>(
     name: &str,
     decode: fn([u8; N]) -> T,
     is_finite: fn(T) -> bool,
-) -> Result<Vec<T>, String> {
-    let expected = if N == 4 { Dtype::F32 } else { Dtype::F64 };
-    if view.dtype() != expected {
-        return Err(format!(
-            "`{name}` is of type {:?}; {expected:?} was expected",
-            view.dtype()
-        ));
+) -> Result<Vec<T>, PolicyError> {
+    let needed = if N == 4 { Dtype::F32 } else { Dtype::F64 };
+    if view.dtype() != needed {
+        return Err(PolicyError::WrongType {
+            tensor: name.to_owned(),
+            found: view.dtype(),
+            needed,
+        });
     }
     let (chunks, _) = view.data().as_chunks::<N>();
     let numbers: Vec<T> = chunks.iter().map(|&bytes| decode(bytes)).collect();
     match numbers.iter().position(|&number| !is_finite(number)) {
-        Some(place) => Err(format!("`{name}` is not finite at {place}")),
+        Some(place) => Err(PolicyError::NotFinite {
+            tensor: name.to_owned(),
+            place,
+        }),
         None => Ok(numbers),
     }
 }
