@@ -4,6 +4,7 @@
 //! and the MMD. Knows nothing of networks or updates. Start at [`Demonstration`] and [`mmd`].
 
 mod character;
+mod error;
 pub mod import;
 mod kernel;
 pub mod mmd;
@@ -13,20 +14,18 @@ mod parquet;
 mod standardizer;
 mod verify;
 
-use std::{
-    ops::Range,
-    path::{Path, PathBuf},
-};
+use std::{ops::Range, path::Path};
 
 use nalgebra::DMatrix;
 
 pub use character::stack;
+pub use error::{DemoError, Flaw, Mismatch, ReadError, WriteError};
 pub use kernel::{Bandwidth, Kernel};
 pub use mmd::Estimator;
 pub use standardizer::Standardizer;
 pub use verify::{At, Deviation, Replay, Tolerance, verify};
 
-use crate::env::{EnvError, EnvId, Pose};
+use crate::env::{EnvId, Pose};
 use motion::Mover;
 
 /// Episodes of somebody else's behaviour, step after step.
@@ -108,23 +107,20 @@ impl Demonstration {
             path: path.to_owned(),
             source,
         };
-        let misfit = |reason| DemoError::Misfit {
+        let misfit = |source| DemoError::Misfit {
             path: path.to_owned(),
             env,
-            reason,
+            source,
         };
         if let Some(label) = self.label().filter(|label| *label != env.name())
             && EnvId::of_label(label).is_some_and(|(other, _)| other != env)
         {
-            return Err(misfit(format!(
-                "the file says that it is from {}",
-                label.escape_debug()
-            )));
+            return Err(misfit(Mismatch::Label(label.to_owned())));
         }
         let environment = env.build().map_err(failed)?;
         let (spaces, pose) = (environment.spaces(), environment.pose());
         let first_pose = self.poses.as_ref().and_then(|poses| poses.first());
-        for (what, got, expected) in [
+        for (quantity, found, needed) in [
             (
                 "an observation",
                 Some(self.observations.nrows()),
@@ -142,23 +138,22 @@ impl Demonstration {
                 pose.qvel.len(),
             ),
         ] {
-            if let Some(got) = got.filter(|&got| got != expected) {
+            if let Some(found) = found.filter(|&found| found != needed) {
                 let version = env
-                    .observing(got)
-                    .filter(|_| what == "an observation")
+                    .observing(found)
+                    .filter(|_| quantity == "an observation")
                     .and_then(|version| env.differs_in(version));
-                let version =
-                    version.map_or_else(String::new, |difference| format!(" ({difference})"));
-                return Err(misfit(format!(
-                    "{what} has {got} numbers; {expected} are needed{version}"
-                )));
+                return Err(misfit(Mismatch::Length {
+                    quantity,
+                    found,
+                    needed,
+                    version,
+                }));
             }
         }
         // HalfCheetah and Walker2d have the same lengths, so only motion tells them apart.
         match motion::mover(self, env).map_err(failed)? {
-            Mover::Other(other) => Err(misfit(format!(
-                "its observations move like those of {other}"
-            ))),
+            Mover::Other(other) => Err(misfit(Mismatch::Motion(other))),
             Mover::Own | Mover::Unknown => Ok(()),
         }
     }
@@ -175,11 +170,11 @@ impl Demonstration {
         Ok(demonstration)
     }
 
-    /// The reason why this is no demonstration; `None` if it is one.
-    fn flaw(&self) -> Option<String> {
+    /// Checks that this is a demonstration: whole episodes of equal quantities.
+    fn is_sound(&self) -> Result<(), Flaw> {
         let n = self.len();
         if n == 0 {
-            return Some("it has no steps".into());
+            return Err(Flaw::NoSteps);
         }
         let lengths = [
             ("actions", Some(self.actions.ncols())),
@@ -188,106 +183,64 @@ impl Demonstration {
             ("truncated", Some(self.truncated.len())),
             ("poses", self.poses.as_ref().map(Vec::len)),
         ];
-        if let Some((what, Some(length))) = lengths
-            .into_iter()
-            .find(|(_, length)| length.is_some_and(|l| l != n))
-        {
-            return Some(format!("{what} has {length} entries for {n} observations"));
-        }
-        if self.observations.nrows() == 0 || self.actions.nrows() == 0 {
-            return Some("an observation or an action has no numbers".into());
-        }
-        if self.episode_starts.first() != Some(&0)
-            || !self.episode_starts.iter().is_sorted_by(|a, b| a < b)
-        {
-            return Some("its episodes do not start at step 0 and then one after another".into());
-        }
-        if self.episode_starts.last().is_some_and(|&start| start >= n) {
-            return Some("an episode starts after the last step".into());
-        }
-        for steps in self.episodes() {
-            let before_last = steps.start..steps.end - 1;
-            if let Some(step) = before_last
-                .into_iter()
-                .find(|&step| self.terminated[step] || self.truncated[step])
-            {
-                return Some(format!(
-                    "row {step} ends its episode, but row {} continues it",
-                    step + 1
-                ));
+        for (quantity, found) in lengths {
+            if let Some(found) = found.filter(|&found| found != n) {
+                return Err(Flaw::Entries {
+                    quantity,
+                    found,
+                    steps: n,
+                });
             }
         }
-        let poses = self.poses.iter().flatten();
-        if let Some(first) = self.poses.as_ref().and_then(|poses| poses.first())
-            && poses.clone().any(|pose| {
-                pose.qpos.len() != first.qpos.len() || pose.qvel.len() != first.qvel.len()
-            })
+        if self.observations.nrows() == 0 || self.actions.nrows() == 0 {
+            return Err(Flaw::NoNumbers);
+        }
+        self.episodes_are_whole()?;
+        self.numbers_are_sound()
+    }
+
+    /// Checks that each episode begins where the one before ended, and no step before its last ends
+    /// it.
+    fn episodes_are_whole(&self) -> Result<(), Flaw> {
+        let starts = &self.episode_starts;
+        if starts.first() != Some(&0) || !starts.is_sorted_by(|a, b| a < b) {
+            return Err(Flaw::Starts);
+        }
+        if starts.last().is_some_and(|&start| start >= self.len()) {
+            return Err(Flaw::StartsAfterLast);
+        }
+        let ends = |row: &usize| self.terminated[*row] || self.truncated[*row];
+        let mut before_last = self.episodes().flat_map(|steps| steps.start..steps.end - 1);
+        match before_last.find(ends) {
+            Some(row) => Err(Flaw::GoesOn { row }),
+            None => Ok(()),
+        }
+    }
+
+    /// Checks that poses are equally long, and all numbers finite.
+    fn numbers_are_sound(&self) -> Result<(), Flaw> {
+        let poses = self.poses.as_deref().unwrap_or_default();
+        let lengths = |pose: &Pose| (pose.qpos.len(), pose.qvel.len());
+        if poses
+            .windows(2)
+            .any(|two| lengths(&two[0]) != lengths(&two[1]))
         {
-            return Some("its poses differ in length".into());
+            return Err(Flaw::UnequalPoses);
         }
         let numbers = [
             ("observation", self.observations.as_slice()),
             ("action", self.actions.as_slice()),
             ("reward", self.rewards.as_deref().unwrap_or_default()),
         ];
-        let infinite = numbers
-            .into_iter()
-            .find(|(_, numbers)| numbers.iter().any(|x| !x.is_finite()));
-        if let Some((what, _)) = infinite {
-            return Some(format!(
-                "its {what} column holds a number that is not finite"
-            ));
+        let of_poses = poses.iter().flat_map(|pose| {
+            [pose.qpos.as_slice(), &pose.qvel].map(|numbers| ("qpos or qvel", numbers))
+        });
+        let is_infinite = |(_, numbers): &(_, &[f64])| numbers.iter().any(|x| !x.is_finite());
+        match numbers.into_iter().chain(of_poses).find(is_infinite) {
+            Some((column, _)) => Err(Flaw::NotFinite(column)),
+            None => Ok(()),
         }
-        if poses
-            .clone()
-            .any(|pose| pose.qpos.iter().chain(&pose.qvel).any(|x| !x.is_finite()))
-        {
-            return Some("its qpos or qvel column holds a number that is not finite".into());
-        }
-        None
     }
-}
-
-/// Errors of demonstrations; the message names the file.
-#[derive(Debug, thiserror::Error)]
-pub enum DemoError {
-    /// The file cannot be opened or read.
-    #[error("cannot read the demonstration {}: {reason}", path.display())]
-    Unreadable {
-        /// The file.
-        path: PathBuf,
-        /// The reader's error.
-        reason: String,
-    },
-    /// The file cannot be written.
-    #[error("cannot write the demonstration {}: {reason}", path.display())]
-    Unwritable {
-        /// The file.
-        path: PathBuf,
-        /// The writer's error.
-        reason: String,
-    },
-    /// The file is readable but not a demonstration of this environment.
-    #[error("the demonstration {} does not fit {env}: {reason}", path.display())]
-    Misfit {
-        /// The file.
-        path: PathBuf,
-        /// The environment.
-        env: EnvId,
-        /// The mismatch.
-        reason: String,
-    },
-    /// The demonstration has no poses.
-    #[error("cannot replay the demonstration {}: without the columns `qpos` and `qvel` there is no state to start from", .0.display())]
-    NoPoses(PathBuf),
-    /// The environment failed while it was replayed.
-    #[error("cannot replay the demonstration {}: {source}", path.display())]
-    Environment {
-        /// The file.
-        path: PathBuf,
-        /// The environment's error.
-        source: EnvError,
-    },
 }
 
 #[cfg(test)]

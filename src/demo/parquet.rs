@@ -23,11 +23,11 @@ use polars::prelude::{
     ListPrimitiveChunkedBuilder, ParquetWriter,
 };
 
-use super::{DemoError, Demonstration};
+use super::{DemoError, Demonstration, Flaw, ReadError, WriteError};
 use crate::{
     env::Pose,
     intake::{self, Links},
-    parquet::Table,
+    parquet::{ParquetError, Table},
 };
 
 /// The largest file that is read, bytes: ten times 20,000 steps of Ant.
@@ -40,28 +40,26 @@ impl Demonstration {
     ///
     /// The folder or the disk refuses, or the fields contradict each other.
     pub fn write(&self, path: &Path) -> Result<(), DemoError> {
-        let failed = |reason: String| DemoError::Unwritable {
-            path: path.to_owned(),
-            reason,
-        };
-        if let Some(flaw) = self.flaw() {
-            return Err(failed(flaw));
-        }
-        let mut frame = self.to_frame().map_err(|error| failed(error.to_string()))?;
+        self.write_whole(path)
+            .map_err(|source| DemoError::Unwritable {
+                path: path.to_owned(),
+                source,
+            })
+    }
+
+    fn write_whole(&self, path: &Path) -> Result<(), WriteError> {
+        self.is_sound()?;
+        let mut frame = self.to_frame()?;
         let folder = path
             .parent()
             .filter(|folder| !folder.as_os_str().is_empty())
             .unwrap_or(Path::new("."));
-        let mut file = beside(folder).map_err(|error| failed(error.to_string()))?;
+        let mut file = beside(folder)?;
         ParquetWriter::new(file.as_file_mut())
             .with_key_value_metadata(Some(KeyValueMetadata::from_static(self.provenance.clone())))
-            .finish(&mut frame)
-            .map_err(|error| failed(error.to_string()))?;
-        file.as_file()
-            .sync_all()
-            .map_err(|error| failed(error.to_string()))?;
-        file.persist(path)
-            .map_err(|error| failed(error.to_string()))?;
+            .finish(&mut frame)?;
+        file.as_file().sync_all()?;
+        file.persist(path).map_err(|error| error.error)?;
         Ok(())
     }
 
@@ -73,12 +71,10 @@ impl Demonstration {
     /// missing or has another type, rows differ in length, a number is not finite, episodes are
     /// torn apart.
     pub fn read(path: &Path) -> Result<Self, DemoError> {
-        let failed = |reason: String| DemoError::Unreadable {
-            path: path.to_owned(),
-            reason,
-        };
-        let bytes = read_bounded(path).map_err(failed)?;
-        from_bytes(bytes).map_err(failed)
+        read_bounded(path)
+            .map_err(ReadError::from)
+            .and_then(from_bytes)
+            .map_err(unreadable(path))
     }
 
     /// The BLAKE3 digest of the file `path`, whatever its content.
@@ -87,10 +83,7 @@ impl Demonstration {
     ///
     /// It is missing, no regular file, or larger than 1 GiB.
     pub fn digest(path: &Path) -> Result<String, DemoError> {
-        let bytes = read_bounded(path).map_err(|reason| DemoError::Unreadable {
-            path: path.to_owned(),
-            reason,
-        })?;
+        let bytes = read_bounded(path).map_err(|error| unreadable(path)(error.into()))?;
         Ok(blake3::hash(&bytes).to_hex().to_string())
     }
 
@@ -167,15 +160,21 @@ fn lists<'a>(name: &str, width: usize, n: usize, rows: impl Iterator<Item = &'a 
 }
 
 /// The content of the file, unless that is too large.
-pub(super) fn read_bounded(path: &Path) -> Result<Vec<u8>, String> {
-    intake::read(path, Links::Follow, MAX_BYTES).map_err(|error| error.to_string())
+pub(super) fn read_bounded(path: &Path) -> io::Result<Vec<u8>> {
+    intake::read(path, Links::Follow, MAX_BYTES)
+}
+
+/// Turns a [`ReadError`] into a [`DemoError`] with the file.
+pub(super) fn unreadable(path: &Path) -> impl FnOnce(ReadError) -> DemoError {
+    let path = path.to_owned();
+    move |source| DemoError::Unreadable { path, source }
 }
 
 /// The demonstration in the content of a file.
-pub(super) fn from_bytes(file: Vec<u8>) -> Result<Demonstration, String> {
+pub(super) fn from_bytes(file: Vec<u8>) -> Result<Demonstration, ReadError> {
     let table = Table::new(file)?;
     if table.rows() == 0 {
-        return Err("it has no steps".into());
+        return Err(Flaw::NoSteps.into());
     }
     let demonstration = Demonstration {
         observations: table.lists("observation")?,
@@ -194,14 +193,12 @@ pub(super) fn from_bytes(file: Vec<u8>) -> Result<Demonstration, String> {
         poses: poses(&table)?,
         provenance: table.notes(),
     };
-    match demonstration.flaw() {
-        Some(flaw) => Err(flaw),
-        None => Ok(demonstration),
-    }
+    demonstration.is_sound()?;
+    Ok(demonstration)
 }
 
 /// The first steps of episodes: where `steps` is 0 and `episodes` rises.
-fn episode_starts(episodes: &[i64], steps: &[i64]) -> Result<Vec<usize>, String> {
+fn episode_starts(episodes: &[i64], steps: &[i64]) -> Result<Vec<usize>, Flaw> {
     let mut starts = Vec::new();
     for (row, (&episode, &step)) in episodes.iter().zip(steps).enumerate() {
         let before = row
@@ -209,16 +206,22 @@ fn episode_starts(episodes: &[i64], steps: &[i64]) -> Result<Vec<usize>, String>
             .map(|before| (episodes[before], steps[before]));
         let expected = match before {
             Some((before, _)) if before > episode => {
-                let torn = format!("episode {episode} comes after episode {before} in row {row}");
-                return Err(format!("{torn}; episodes must be whole and in order"));
+                return Err(Flaw::TornEpisode {
+                    row,
+                    episode,
+                    before,
+                });
             }
             Some((before, step)) if before == episode => step + 1,
             _ => 0,
         };
         if step != expected {
-            return Err(format!(
-                "row {row} is step {step} of episode {episode}; expected step {expected}"
-            ));
+            return Err(Flaw::OutOfStep {
+                row,
+                episode,
+                step,
+                expected,
+            });
         }
         if step == 0 {
             starts.push(row);
@@ -228,7 +231,7 @@ fn episode_starts(episodes: &[i64], steps: &[i64]) -> Result<Vec<usize>, String>
 }
 
 /// The poses, if they were recorded.
-fn poses(table: &Table) -> Result<Option<Vec<Pose>>, String> {
+fn poses(table: &Table) -> Result<Option<Vec<Pose>>, ParquetError> {
     if !table.has("qpos") && !table.has("qvel") {
         return Ok(None);
     }

@@ -1,6 +1,9 @@
 //! A Parquet file's description of itself: columns, row groups, notes.
 
-use super::thrift::{Kind, Reader};
+use super::{
+    error::{DescriptionError, ThriftError},
+    thrift::{Kind, Reader},
+};
 
 /// The largest description that is read, bytes.
 const MAX_FOOTER: usize = 1 << 24;
@@ -67,8 +70,8 @@ struct Node {
 
 impl Footer {
     /// The description at the end of `file`.
-    pub(super) fn read(file: &[u8]) -> Result<Self, String> {
-        let no_parquet = || "it is not a Parquet file".to_owned();
+    pub(super) fn read(file: &[u8]) -> Result<Self, DescriptionError> {
+        let no_parquet = || DescriptionError::NotParquet;
         let described = file.strip_suffix(b"PAR1").ok_or_else(no_parquet)?;
         let (described, length) = described.split_last_chunk::<4>().ok_or_else(no_parquet)?;
         let length = u32::from_le_bytes(*length) as usize;
@@ -94,13 +97,12 @@ impl Footer {
             .iter()
             .find(|group| group.chunks.len() != leaves.len())
         {
-            return Err(format!(
-                "a row group has {} columns instead of {}",
-                group.chunks.len(),
-                leaves.len()
-            ));
+            return Err(DescriptionError::RowGroup {
+                found: group.chunks.len(),
+                expected: leaves.len(),
+            });
         }
-        let rows = usize::try_from(rows).map_err(|_| format!("it claims {rows} rows"))?;
+        let rows = usize::try_from(rows).map_err(|_| DescriptionError::Rows(rows))?;
         Ok(Self {
             leaves,
             groups,
@@ -110,7 +112,7 @@ impl Footer {
     }
 }
 
-fn node(reader: &mut Reader<'_>) -> Result<Node, String> {
+fn node(reader: &mut Reader<'_>) -> Result<Node, ThriftError> {
     let mut node = Node::default();
     reader.structure(|reader, id, kind| {
         match (id, kind) {
@@ -126,7 +128,7 @@ fn node(reader: &mut Reader<'_>) -> Result<Node, String> {
     Ok(node)
 }
 
-fn row_group(reader: &mut Reader<'_>) -> Result<RowGroup, String> {
+fn row_group(reader: &mut Reader<'_>) -> Result<RowGroup, ThriftError> {
     let mut chunks = Vec::new();
     reader.structure(|reader, id, kind| match (id, kind) {
         (1, Kind::List) => {
@@ -138,7 +140,7 @@ fn row_group(reader: &mut Reader<'_>) -> Result<RowGroup, String> {
     Ok(RowGroup { chunks })
 }
 
-fn chunk(reader: &mut Reader<'_>) -> Result<Chunk, String> {
+fn chunk(reader: &mut Reader<'_>) -> Result<Chunk, ThriftError> {
     let mut chunk = Chunk {
         codec: -1,
         values: -1,
@@ -165,7 +167,7 @@ fn chunk(reader: &mut Reader<'_>) -> Result<Chunk, String> {
     Ok(chunk)
 }
 
-fn note(reader: &mut Reader<'_>) -> Result<(String, String), String> {
+fn note(reader: &mut Reader<'_>) -> Result<(String, String), ThriftError> {
     let (mut key, mut value) = Default::default();
     reader.structure(|reader, id, kind| {
         match (id, kind) {
@@ -179,11 +181,11 @@ fn note(reader: &mut Reader<'_>) -> Result<(String, String), String> {
 }
 
 /// The leaves of a tree whose `nodes` list parents before children.
-fn leaves(nodes: &[Node]) -> Result<Vec<Leaf>, String> {
+fn leaves(nodes: &[Node]) -> Result<Vec<Leaf>, DescriptionError> {
     const REQUIRED: i64 = 0;
     const REPEATED: i64 = 2;
     const UNSIGNED: std::ops::RangeInclusive<i64> = 11..=14; // of 8 to 64 bits
-    let (root, nodes) = nodes.split_first().ok_or("it describes no columns")?;
+    let (root, nodes) = nodes.split_first().ok_or(DescriptionError::NoColumns)?;
     // One entry for each open group: the children to come, and the levels and column of its
     // content.
     let mut open = vec![(root.children, 0, 0, None::<String>, true)];
@@ -193,7 +195,7 @@ fn leaves(nodes: &[Node]) -> Result<Vec<Leaf>, String> {
             open.pop();
         }
         let (left, definition, repetition, column, plain) =
-            open.last_mut().ok_or("its schema has too many nodes")?;
+            open.last_mut().ok_or(DescriptionError::Nodes)?;
         *left -= 1;
         let max_definition = *definition + u32::from(node.repetition != REQUIRED);
         let max_repetition = *repetition + u32::from(node.repetition == REPEATED);
@@ -201,7 +203,7 @@ fn leaves(nodes: &[Node]) -> Result<Vec<Leaf>, String> {
         let plain = *plain;
         if node.children > 0 {
             if open.len() > 8 {
-                return Err("its columns nest too deep".into());
+                return Err(DescriptionError::TooDeep);
             }
             open.push((
                 node.children,
@@ -220,7 +222,7 @@ fn leaves(nodes: &[Node]) -> Result<Vec<Leaf>, String> {
             Some(5) => Some(Physical::F64),
             Some(6) => Some(Physical::Bytes),
             Some(3 | 7) => None,
-            _ => return Err(format!("its column `{column}` has no known type")),
+            _ => return Err(DescriptionError::UnknownType(column)),
         };
         let plain = plain && (max_repetition == 1 || open.len() == 1);
         let unsigned = UNSIGNED.contains(&node.converted);
@@ -234,7 +236,7 @@ fn leaves(nodes: &[Node]) -> Result<Vec<Leaf>, String> {
         });
     }
     if open.iter().any(|group| group.0 != 0) {
-        return Err("its schema ends too early".into());
+        return Err(DescriptionError::Nodes);
     }
     Ok(leaves)
 }

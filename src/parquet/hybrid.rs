@@ -1,11 +1,14 @@
 //! Small numbers, such as levels and places in a dictionary, as Parquet packs them.
 
-use super::thrift::Reader;
+use super::{
+    error::{PageError, ThriftError},
+    thrift::Reader,
+};
 
 /// `n` numbers of `width` bits in Parquet's mixture of runs and packed groups of eight.
-pub(super) fn hybrid(bytes: &[u8], width: u32, n: usize) -> Result<Vec<u32>, String> {
+pub(super) fn hybrid(bytes: &[u8], width: u32, n: usize) -> Result<Vec<u32>, PageError> {
     if width > 32 {
-        return Err(format!("numbers have {width} bits"));
+        return Err(PageError::Width(width));
     }
     let mut reader = Reader { rest: bytes };
     let mut numbers = Vec::with_capacity(n);
@@ -30,7 +33,7 @@ pub(super) fn hybrid(bytes: &[u8], width: u32, n: usize) -> Result<Vec<u32>, Str
                 .min(reader.rest.len() as u64);
             let stored = reader.take(stored as usize)?;
             if (stored.len() as u64) * 8 < packed as u64 * u64::from(width) {
-                return Err("a page ends too early".into());
+                return Err(ThriftError::Ended.into());
             }
             numbers.extend((0..packed as u64).map(|i| bits(stored, i * u64::from(width), width)));
         }

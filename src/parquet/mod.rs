@@ -8,13 +8,17 @@
 //! it holds, and what is read of it is bounded. Start at [`Table`].
 
 mod cells;
+mod error;
 mod footer;
 mod hybrid;
 mod pages;
 mod table;
+#[cfg(test)]
+mod tests;
 mod thrift;
 mod values;
 
 pub(crate) use cells::{Cell, Cells};
+pub use error::{Entries, ParquetError};
 pub(crate) use table::{MAX_NUMBERS, Table};
 pub(crate) use values::Values;

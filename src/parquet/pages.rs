@@ -1,8 +1,9 @@
 //! A column's pages: decompression, levels, values.
 
-use std::io::Read;
+use std::io::{self, Read};
 
 use super::{
+    error::{PageError, ThriftError},
     footer::{Chunk, Leaf},
     hybrid::hybrid,
     thrift::{Kind, Reader},
@@ -36,7 +37,7 @@ struct Page {
 }
 
 impl Page {
-    fn read(reader: &mut Reader<'_>) -> Result<Self, String> {
+    fn read(reader: &mut Reader<'_>) -> Result<Self, ThriftError> {
         let mut page = Self {
             compressed: true,
             ..Self::default()
@@ -76,12 +77,12 @@ pub(super) fn read_chunk(
     chunk: &Chunk,
     budget: &mut Budget,
     column: &mut Column,
-) -> Result<(), String> {
+) -> Result<(), PageError> {
     let start = usize::try_from(chunk.offset)
         .ok()
         .filter(|&start| start < file.len());
     let mut reader = Reader {
-        rest: &file[start.ok_or("a column lies outside the file")?..],
+        rest: &file[start.ok_or(PageError::Outside)?..],
     };
     let claimed = size(chunk.values)?;
     let mut dictionary = None;
@@ -92,7 +93,7 @@ pub(super) fn read_chunk(
         let n = size(page.values)?;
         // Before anything is decompressed, since these sizes are only claims.
         if n > budget.numbers || size(page.size)? > budget.bytes.min(MAX_PAGE) {
-            return Err("more than is read".into());
+            return Err(PageError::TooMuch);
         }
         budget.bytes -= size(page.size)?;
         match page.kind {
@@ -100,7 +101,7 @@ pub(super) fn read_chunk(
                 budget.numbers -= n;
                 held += n;
                 if held > claimed {
-                    return Err(format!("a column claims {claimed} values and has more"));
+                    return Err(PageError::MoreThanClaimed(claimed));
                 }
                 data_page(
                     leaf,
@@ -134,7 +135,7 @@ fn data_page(
     dictionary: Option<&Values>,
     budget: &mut Budget,
     column: &mut Column,
-) -> Result<(), String> {
+) -> Result<(), PageError> {
     let n = size(page.values)?;
     let (definition_width, repetition_width) =
         (width(leaf.max_definition), width(leaf.max_repetition));
@@ -148,7 +149,7 @@ fn data_page(
         let codec = if page.compressed { chunk.codec } else { 0 };
         let rest = size(page.size)?
             .checked_sub(before)
-            .ok_or("a page's levels are larger than the page")?;
+            .ok_or(PageError::Levels)?;
         decompressed = decompress(codec, levels.rest, rest)?;
         (repetitions, definitions, decompressed.as_slice())
     } else {
@@ -173,8 +174,8 @@ fn data_page(
     let n_there = definitions.iter().filter(|level| is_there(level)).count();
     match &mut column.there {
         Some(there) => there.extend(definitions.iter().map(is_there)),
-        None if n_there < n && leaf.max_repetition > 0 => return Err("gaps or empty lists".into()),
-        None if n_there < n => return Err("gaps".into()),
+        None if n_there < n && leaf.max_repetition > 0 => return Err(PageError::GapsOrEmptyLists),
+        None if n_there < n => return Err(PageError::Gaps),
         None => {}
     }
     if leaf.max_repetition > 0 {
@@ -182,18 +183,15 @@ fn data_page(
             if level == 0 {
                 column.lengths.push(0);
             }
-            *column
-                .lengths
-                .last_mut()
-                .ok_or("a column begins within a row")? += 1;
+            *column.lengths.last_mut().ok_or(PageError::Levels)? += 1;
         }
     }
     match page.encoding {
         _ if n_there == 0 => Ok(()),
         0 => column.values.extend_plain(rest, n_there, budget),
         2 | 8 => {
-            let dictionary = dictionary.ok_or("a page has no dictionary")?;
-            let (&width, indices) = rest.split_first().ok_or("a page ends too early")?;
+            let dictionary = dictionary.ok_or(PageError::NotInDictionary)?;
+            let (&width, indices) = rest.split_first().ok_or(ThriftError::Ended)?;
             column.values.extend_from(
                 dictionary,
                 &hybrid(indices, u32::from(width), n_there)?,
@@ -206,17 +204,15 @@ fn data_page(
                 values.extend(bits.into_iter().map(|bit| bit == 1));
                 Ok(())
             }
-            _ => Err("numbers are stored as runs".into()),
+            _ => Err(PageError::Encoding(page.encoding)),
         },
-        other => Err(format!(
-            "numbers are stored in Parquet's encoding {other}; plain and dictionary are read"
-        )),
+        other => Err(PageError::Encoding(other)),
     }
 }
 
 /// A count or size, which is 0 or above.
-fn size(claimed: i64) -> Result<usize, String> {
-    usize::try_from(claimed).map_err(|_| format!("a page or column claims a size of {claimed}"))
+fn size(claimed: i64) -> Result<usize, PageError> {
+    usize::try_from(claimed).map_err(|_| PageError::Size(claimed))
 }
 
 /// How many bits a level up to `most` takes.
@@ -225,41 +221,40 @@ fn width(most: u32) -> u32 {
 }
 
 /// `stored` without compression: `size` bytes.
-fn decompress(codec: i64, stored: &[u8], size: usize) -> Result<Vec<u8>, String> {
-    let damaged = |error: String| format!("a page does not decompress: {error}");
+fn decompress(codec: i64, stored: &[u8], size: usize) -> Result<Vec<u8>, PageError> {
     let bytes = match codec {
         _ if size == 0 => Vec::new(),
         0 => stored.to_vec(),
-        1 => {
-            let length =
-                snap::raw::decompress_len(stored).map_err(|error| damaged(error.to_string()))?;
-            if length != size {
-                return Err(damaged(format!("it has {length} bytes instead of {size}")));
-            }
-            snap::raw::Decoder::new()
-                .decompress_vec(stored)
-                .map_err(|error| damaged(error.to_string()))?
-        }
+        1 => unsnapped(stored, size)?,
         2 => {
             let mut bytes = Vec::new();
-            let mut decoder = flate2::read::MultiGzDecoder::new(stored).take(size as u64 + 1);
-            decoder
+            flate2::read::MultiGzDecoder::new(stored)
+                .take(size as u64 + 1)
                 .read_to_end(&mut bytes)
-                .map_err(|error| damaged(error.to_string()))?;
+                .map_err(PageError::Compression)?;
             bytes
         }
-        6 => zstd::bulk::decompress(stored, size).map_err(|error| damaged(error.to_string()))?,
-        other => {
-            return Err(format!(
-                "it is compressed with Parquet's codec {other}; none, snappy, gzip and zstd are read"
-            ));
-        }
+        6 => zstd::bulk::decompress(stored, size).map_err(PageError::Compression)?,
+        other => return Err(PageError::Codec(other)),
     };
-    if bytes.len() != size {
-        return Err(damaged(format!(
-            "it has {} bytes instead of {size}",
-            bytes.len()
-        )));
-    }
+    of_size(bytes.len(), size)?;
     Ok(bytes)
+}
+
+/// As [`decompress`] for snappy, which reserves what `stored` claims.
+fn unsnapped(stored: &[u8], size: usize) -> Result<Vec<u8>, PageError> {
+    let damaged = |error: snap::Error| PageError::Compression(io::Error::from(error));
+    of_size(snap::raw::decompress_len(stored).map_err(damaged)?, size)?;
+    snap::raw::Decoder::new()
+        .decompress_vec(stored)
+        .map_err(damaged)
+}
+
+/// Checks that a page has the size that it claims.
+fn of_size(found: usize, expected: usize) -> Result<(), PageError> {
+    if found == expected {
+        Ok(())
+    } else {
+        Err(PageError::PageSize { found, expected })
+    }
 }

@@ -4,6 +4,7 @@ use nalgebra::DMatrix;
 
 use super::{
     cells::Cells,
+    error::{Entries, ParquetError},
     footer::{Footer, Leaf, Physical},
     pages::{Column, read_chunk},
     values::{Budget, Values},
@@ -32,7 +33,7 @@ pub(crate) struct Table {
 
 impl Table {
     /// The columns of `file`. Errors: it is no Parquet.
-    pub(crate) fn new(file: Vec<u8>) -> Result<Self, String> {
+    pub(crate) fn new(file: Vec<u8>) -> Result<Self, ParquetError> {
         let footer = Footer::read(&file)?;
         Ok(Self { file, footer })
     }
@@ -70,50 +71,70 @@ impl Table {
     }
 
     /// The numbers of column `name`.
-    pub(crate) fn numbers(&self, name: &str) -> Result<Vec<f64>, String> {
+    pub(crate) fn numbers(&self, name: &str) -> Result<Vec<f64>, ParquetError> {
         match self.flat(name, "f64")? {
             Values::F64(values) => Ok(values),
-            other => Err(wrong_type(name, other.name(), "f64")),
+            other => Err(ParquetError::wrong_type(
+                name,
+                Entries::Single(other.name()),
+                "f64",
+            )),
         }
     }
 
     /// The truth values of column `name`.
-    pub(crate) fn flags(&self, name: &str) -> Result<Vec<bool>, String> {
+    pub(crate) fn flags(&self, name: &str) -> Result<Vec<bool>, ParquetError> {
         match self.flat(name, "bool")? {
             Values::Bool(values) => Ok(values),
-            other => Err(wrong_type(name, other.name(), "bool")),
+            other => Err(ParquetError::wrong_type(
+                name,
+                Entries::Single(other.name()),
+                "bool",
+            )),
         }
     }
 
     /// The whole numbers of column `name`.
-    pub(crate) fn whole_numbers(&self, name: &str) -> Result<Vec<i64>, String> {
+    pub(crate) fn whole_numbers(&self, name: &str) -> Result<Vec<i64>, ParquetError> {
         match self.flat(name, "a whole number")? {
             Values::I32(values) => Ok(values.into_iter().map(i64::from).collect()),
             Values::I64(values) => Ok(values),
-            other => Err(wrong_type(name, other.name(), "a whole number")),
+            other => Err(ParquetError::wrong_type(
+                name,
+                Entries::Single(other.name()),
+                "a whole number",
+            )),
         }
     }
 
     /// The place of column `name` among the leaves, its first leaf, and whether that is the only one.
-    fn leaf(&self, name: &str) -> Result<(usize, &Leaf, bool), String> {
+    fn leaf(&self, name: &str) -> Result<(usize, &Leaf, bool), ParquetError> {
         let mut leaves = self
             .footer
             .leaves
             .iter()
             .enumerate()
             .filter(|(_, leaf)| leaf.column == name);
-        let (place, leaf) = leaves.next().ok_or_else(|| self.no_column(name))?;
+        let (place, leaf) = leaves.next().ok_or_else(|| ParquetError::NoColumn {
+            column: name.to_owned(),
+            present: self.columns().into_iter().map(str::to_owned).collect(),
+        })?;
         Ok((place, leaf, leaves.next().is_none()))
     }
 
     /// The cells of column `name`, which has at most one value a row.
-    pub(crate) fn cells(&self, name: &str) -> Result<Cells, String> {
+    pub(crate) fn cells(&self, name: &str) -> Result<Cells, ParquetError> {
         let (place, leaf, alone) = self.leaf(name)?;
         let physical = leaf
             .physical
             .filter(|_| leaf.plain && leaf.max_repetition == 0 && alone);
-        let physical =
-            physical.ok_or_else(|| wrong_type(name, "structures or lists", "single values"))?;
+        let physical = physical.ok_or_else(|| {
+            ParquetError::wrong_type(
+                name,
+                Entries::Single("structures or lists"),
+                "single values",
+            )
+        })?;
         let budget = Budget {
             numbers: self.footer.rows.min(MAX_NUMBERS),
             bytes: MAX_CELLS_BYTES,
@@ -131,22 +152,22 @@ impl Table {
     }
 
     /// The lists of column `name`, each a column of the matrix.
-    pub(crate) fn lists(&self, name: &str) -> Result<DMatrix<f64>, String> {
+    pub(crate) fn lists(&self, name: &str) -> Result<DMatrix<f64>, ParquetError> {
         let expected = "a list of f64";
         let (values, lengths) = self.column(name, 1, expected)?;
         let width = equal_lengths(name, &lengths)?.unwrap_or(0);
         match values {
             Values::F64(values) => Ok(DMatrix::from_vec(width, lengths.len(), values)),
-            other => Err(wrong_type(
+            other => Err(ParquetError::wrong_type(
                 name,
-                &format!("a list of {}", other.name()),
+                Entries::Lists(other.name()),
                 expected,
             )),
         }
     }
 
     /// The values of column `name`, lists or single ones, and how many each row has.
-    pub(crate) fn values(&self, name: &str) -> Result<(Values, usize), String> {
+    pub(crate) fn values(&self, name: &str) -> Result<(Values, usize), ParquetError> {
         let lists = self
             .footer
             .leaves
@@ -158,15 +179,8 @@ impl Table {
     }
 
     /// The values of column `name`, which must have one in each row.
-    pub(crate) fn flat(&self, name: &str, expected: &str) -> Result<Values, String> {
+    pub(crate) fn flat(&self, name: &str, expected: &'static str) -> Result<Values, ParquetError> {
         Ok(self.column(name, 0, expected)?.0)
-    }
-
-    fn no_column(&self, name: &str) -> String {
-        format!(
-            "it has no column `{name}`; it has {}",
-            self.columns().join(", ")
-        )
     }
 
     /// The values of column `name`, nested in `lists` lists a row, and each row's length.
@@ -174,26 +188,34 @@ impl Table {
         &self,
         name: &str,
         lists: u32,
-        expected: &str,
-    ) -> Result<(Values, Vec<usize>), String> {
+        expected: &'static str,
+    ) -> Result<(Values, Vec<usize>), ParquetError> {
         let (place, leaf, alone) = self.leaf(name)?;
         if !leaf.plain || !alone {
-            return Err(wrong_type(name, "structures or nested lists", expected));
+            return Err(ParquetError::wrong_type(
+                name,
+                Entries::Single("structures or nested lists"),
+                expected,
+            ));
         }
         let Some(physical) = leaf
             .physical
             .filter(|physical| *physical != Physical::Bytes)
         else {
-            return Err(wrong_type(name, "text or bytes", expected));
+            return Err(ParquetError::wrong_type(
+                name,
+                Entries::Single("text or bytes"),
+                expected,
+            ));
         };
         let values = Values::none(physical);
         if leaf.max_repetition != lists {
             let found = if leaf.max_repetition == 0 {
-                values.name().into()
+                Entries::Single(values.name())
             } else {
-                format!("a list of {}", values.name())
+                Entries::Lists(values.name())
             };
-            return Err(wrong_type(name, &found, expected));
+            return Err(ParquetError::wrong_type(name, found, expected));
         }
         let budget = Budget {
             numbers: MAX_NUMBERS,
@@ -220,7 +242,12 @@ impl Table {
     }
 
     /// Appends all row groups of the leaf at `place` to `column`.
-    fn read(&self, place: usize, mut budget: Budget, mut column: Column) -> Result<Column, String> {
+    fn read(
+        &self,
+        place: usize,
+        mut budget: Budget,
+        mut column: Column,
+    ) -> Result<Column, ParquetError> {
         let leaf = &self.footer.leaves[place];
         for group in &self.footer.groups {
             read_chunk(
@@ -230,37 +257,38 @@ impl Table {
                 &mut budget,
                 &mut column,
             )
-            .map_err(|reason| format!("its column `{}` has {reason}", leaf.column))?;
+            .map_err(|source| ParquetError::Pages {
+                column: leaf.column.clone(),
+                source,
+            })?;
         }
         Ok(column)
     }
 
-    fn whole(&self, name: &str, rows: usize) -> Result<(), String> {
+    fn whole(&self, name: &str, rows: usize) -> Result<(), ParquetError> {
         if rows != self.footer.rows {
-            return Err(format!(
-                "its column `{name}` has {rows} of {} rows",
-                self.footer.rows
-            ));
+            return Err(ParquetError::Rows {
+                column: name.to_owned(),
+                found: rows,
+                expected: self.footer.rows,
+            });
         }
         Ok(())
     }
 }
 
 /// The common length of the rows of column `name`; absent if there are no rows.
-fn equal_lengths(name: &str, lengths: &[usize]) -> Result<Option<usize>, String> {
+fn equal_lengths(name: &str, lengths: &[usize]) -> Result<Option<usize>, ParquetError> {
     let Some(&width) = lengths.first() else {
         return Ok(None);
     };
     match lengths.iter().position(|&length| length != width) {
         None => Ok(Some(width)),
-        Some(row) => Err(format!(
-            "its column `{name}` has {} numbers in row {row} and {width} before; all rows need as many",
-            lengths[row]
-        )),
+        Some(row) => Err(ParquetError::Ragged {
+            column: name.to_owned(),
+            row,
+            found: lengths[row],
+            expected: width,
+        }),
     }
-}
-
-/// The message about a column of another type.
-fn wrong_type(name: &str, found: &str, expected: &str) -> String {
-    format!("its column `{name}` holds {found}; expected {expected}")
 }

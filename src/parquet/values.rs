@@ -2,7 +2,11 @@
 
 use std::sync::Arc;
 
-use super::{footer::Physical, thrift::Reader};
+use super::{
+    error::{PageError, ThriftError},
+    footer::Physical,
+    thrift::{Reader, text},
+};
 
 /// The memory of a text beside its bytes.
 const ENTRY: usize = 32;
@@ -88,19 +92,19 @@ impl Values {
         bytes: &[u8],
         n: usize,
         budget: &mut Budget,
-    ) -> Result<(), String> {
+    ) -> Result<(), PageError> {
         fn words<const N: usize, T>(
             bytes: &[u8],
             n: usize,
             of: fn([u8; N]) -> T,
-        ) -> Result<impl Iterator<Item = T>, String> {
+        ) -> Result<impl Iterator<Item = T>, ThriftError> {
             let words = bytes.as_chunks::<N>().0;
-            let words = words.get(..n).ok_or("a page ends too early")?;
+            let words = words.get(..n).ok_or(ThriftError::Ended)?;
             Ok(words.iter().map(move |&word| of(word)))
         }
         match self {
             Self::Bool(values) => {
-                let bytes = bytes.get(..n.div_ceil(8)).ok_or("a page ends too early")?;
+                let bytes = bytes.get(..n.div_ceil(8)).ok_or(ThriftError::Ended)?;
                 values.extend((0..n).map(|i| bytes[i / 8] >> (i % 8) & 1 == 1));
             }
             Self::I32(values) => values.extend(words(bytes, n, i32::from_le_bytes)?),
@@ -110,8 +114,7 @@ impl Values {
             Self::Text(values) => {
                 let mut reader = Reader { rest: bytes };
                 for _ in 0..n {
-                    let text = std::str::from_utf8(reader.prefixed()?)
-                        .map_err(|_| "text that is not UTF-8")?;
+                    let text = text(reader.prefixed()?)?;
                     budget.spend_text(text.len() + ENTRY)?;
                     values.push(text.into());
                 }
@@ -126,17 +129,17 @@ impl Values {
         dictionary: &Self,
         indices: &[u32],
         budget: &mut Budget,
-    ) -> Result<(), String> {
+    ) -> Result<(), PageError> {
         fn look_up<T: Clone>(
             values: &mut Vec<T>,
             dictionary: &[T],
             indices: &[u32],
-        ) -> Result<(), String> {
+        ) -> Result<(), PageError> {
             for &index in indices {
                 values.push(
                     dictionary
                         .get(index as usize)
-                        .ok_or("a value is not in its dictionary")?
+                        .ok_or(PageError::NotInDictionary)?
                         .clone(),
                 );
             }
@@ -155,7 +158,7 @@ impl Values {
                     .iter()
                     .try_for_each(|text| budget.spend_text(text.len()))
             }
-            _ => Err("a dictionary is of another type than its column".into()),
+            _ => Err(PageError::NotInDictionary),
         }
     }
 }
@@ -171,11 +174,8 @@ pub(super) struct Budget {
 }
 
 impl Budget {
-    pub(super) fn spend_text(&mut self, bytes: usize) -> Result<(), String> {
-        self.text = self
-            .text
-            .checked_sub(bytes)
-            .ok_or("more text than is read")?;
+    pub(super) fn spend_text(&mut self, bytes: usize) -> Result<(), PageError> {
+        self.text = self.text.checked_sub(bytes).ok_or(PageError::TooMuch)?;
         Ok(())
     }
 }

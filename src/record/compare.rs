@@ -9,10 +9,13 @@
 
 use std::path::Path;
 
-use super::{Manifest, RecordError, RunPaths, policy, rows};
+use super::{
+    Manifest, RecordError, RunPaths, policy,
+    rows::{self, TableError},
+};
 use crate::{
     measured::{self, evaluations, progress},
-    parquet::{Cell, Cells, Table},
+    parquet::{Cell, Cells, ParquetError, Table},
 };
 
 /// How far a number of the first iteration may be from the recorded one in another numeric class,
@@ -89,9 +92,9 @@ pub fn tables(
 ) -> Result<Option<Difference>, RecordError> {
     let (before, now) = (rows::read(recorded)?, rows::read(computed)?);
     let columns =
-        |path, table: &Table| Columns::of(table).map_err(|reason| rows::malformed(path, reason));
+        |path, table: &Table| Columns::of(table).map_err(|error| rows::malformed(path, error));
     let (before, now) = (columns(recorded, &before)?, columns(computed, &now)?);
-    first_difference(&before, &now, exactness).map_err(|reason| rows::malformed(recorded, reason))
+    first_difference(&before, &now, exactness).map_err(|error| rows::malformed(recorded, error))
 }
 
 /// The difference between two policies.
@@ -140,13 +143,13 @@ struct Columns {
 }
 
 impl Columns {
-    fn of(table: &Table) -> Result<Self, String> {
+    fn of(table: &Table) -> Result<Self, ParquetError> {
         let named = |name: &str| Ok((name.to_owned(), table.cells(name)?));
         let cells = table
             .columns()
             .into_iter()
             .map(named)
-            .collect::<Result<_, String>>()?;
+            .collect::<Result<_, ParquetError>>()?;
         Ok(Self {
             cells,
             height: table.rows(),
@@ -180,7 +183,7 @@ fn first_difference(
     before: &Columns,
     now: &Columns,
     exactness: Exactness,
-) -> Result<Option<Difference>, String> {
+) -> Result<Option<Difference>, TableError> {
     if before.names() != now.names() {
         return Ok(differing(
             "table",
@@ -220,7 +223,7 @@ struct RowPlace {
     first: bool,
 }
 
-fn place(columns: &Columns, row: usize) -> Result<RowPlace, String> {
+fn place(columns: &Columns, row: usize) -> Result<RowPlace, TableError> {
     if let Some(iteration) = columns.number(progress::ITERATION.name, row) {
         return Ok(RowPlace {
             name: format!("iteration {iteration}"),
@@ -230,8 +233,7 @@ fn place(columns: &Columns, row: usize) -> Result<RowPlace, String> {
     let numbers = columns
         .number(evaluations::ENV_STEPS.name, row)
         .zip(columns.number(evaluations::EPISODE.name, row));
-    let (env_steps, episode) =
-        numbers.ok_or_else(|| format!("row {row} names no iteration and no episode"))?;
+    let (env_steps, episode) = numbers.ok_or(TableError::NamelessRow(row))?;
     let name = format!("evaluation after {env_steps} steps, episode {episode}");
     Ok(RowPlace {
         name,

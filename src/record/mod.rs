@@ -39,6 +39,7 @@ pub use under_way::UnderWay;
 
 use crate::intake::{self, Links};
 use policy::PolicyError;
+use rows::TableError;
 
 /// The beginning of the names of files that are not yet in their place.
 const WRITING: &str = ".writing-";
@@ -77,6 +78,14 @@ pub enum RecordError {
         path: PathBuf,
         /// The evidence of the damage.
         reason: String,
+    },
+    /// The file is no table of results.
+    #[error("{} is not a table of results: {source}", path.display())]
+    Table {
+        /// The file.
+        path: PathBuf,
+        /// The mistake in it.
+        source: TableError,
     },
     /// The file is no saved policy.
     #[error("{} is not a saved policy: {source}", path.display())]

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use nalgebra::DMatrix;
 
-use super::MAX_NUMBERS;
+use super::{ArraysError, MAX_NUMBERS};
 
 /// Numbers in rows.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,7 +44,7 @@ impl Array {
 }
 
 /// Looks up an array by its name; `None` where there is none.
-pub(super) type Named<'a> = dyn Fn(&str) -> Result<Option<Array>, String> + 'a;
+pub(super) type Named<'a> = dyn Fn(&str) -> Result<Option<Array>, ArraysError> + 'a;
 
 /// A file's arrays, with a record of which were asked for.
 pub(super) struct Arrays<'a> {
@@ -67,12 +67,12 @@ impl<'a> Arrays<'a> {
     pub(super) fn first(
         &mut self,
         names: &[&'static str],
-    ) -> Result<Option<(&'static str, Array)>, String> {
+    ) -> Result<Option<(&'static str, Array)>, ArraysError> {
         for &name in names {
             if let Some(array) = (self.named)(name)? {
                 self.read += array.numbers.len();
                 if self.read > MAX_NUMBERS {
-                    return Err(format!("it holds more than {MAX_NUMBERS} numbers"));
+                    return Err(ArraysError::TooManyNumbers);
                 }
                 self.used.insert(name);
                 return Ok(Some((name, array)));
@@ -82,10 +82,10 @@ impl<'a> Arrays<'a> {
     }
 
     /// As [`first`](Self::first), where one of `names` must be there.
-    pub(super) fn required(&mut self, names: &[&'static str]) -> Result<Array, String> {
+    pub(super) fn required(&mut self, names: &[&'static str]) -> Result<Array, ArraysError> {
         self.first(names)?
             .map(|(_, array)| array)
-            .ok_or_else(|| format!("it has none of {}", names.join(", ")))
+            .ok_or_else(|| ArraysError::NoneOf(names.to_vec()))
     }
 
     /// As [`first`](Self::first), for an array that has a number for each of `n` steps.
@@ -93,12 +93,13 @@ impl<'a> Arrays<'a> {
         &mut self,
         names: &[&'static str],
         n: usize,
-    ) -> Result<Option<(&'static str, Vec<f64>)>, String> {
+    ) -> Result<Option<(&'static str, Vec<f64>)>, ArraysError> {
         match self.first(names)? {
-            Some((name, array)) if array.numbers.len() != n => Err(format!(
-                "`{name}` has {} numbers for {n} actions",
-                array.numbers.len()
-            )),
+            Some((name, array)) if array.numbers.len() != n => Err(ArraysError::Numbers {
+                name,
+                found: array.numbers.len(),
+                steps: n,
+            }),
             found => Ok(found.map(|(name, array)| (name, array.numbers))),
         }
     }

@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 
 use super::{
-    Imported, NAMES,
+    ArraysError, Imported, NAMES,
     arrays::{Array, Arrays, Named},
     episodes::Episodes,
     infer_ends,
@@ -22,7 +22,7 @@ const QPOS: &[&str] = &["qpos", "infos/qpos"];
 const QVEL: &[&str] = &["qvel", "infos/qvel"];
 
 /// The most steps of a demonstration.
-const MAX_STEPS: usize = 1 << 21;
+pub(super) const MAX_STEPS: usize = 1 << 21;
 
 /// The demonstration of `env` from the arrays called `names`, which `named` looks up.
 ///
@@ -33,17 +33,17 @@ pub(super) fn assemble<'n>(
     env: EnvId,
     names: impl IntoIterator<Item = &'n str>,
     named: &Named<'_>,
-) -> Result<Imported, String> {
+) -> Result<Imported, ArraysError> {
     let mut arrays = Arrays::new(named);
     // Other arrays may have one more row after each episode, so the actions say how many steps there
     // are.
     let actions = arrays.required(ACTIONS)?;
     let n = actions.rows();
     if n == 0 {
-        return Err("it has no steps".into());
+        return Err(ArraysError::NoSteps);
     }
     if n > MAX_STEPS {
-        return Err(format!("it has {n} steps; at most {MAX_STEPS} are read"));
+        return Err(ArraysError::TooManySteps(n));
     }
     let episodes = Episodes::of(&mut arrays, n, env.max_steps())?;
     let mut assembly = Assembly {
@@ -111,13 +111,13 @@ struct Assembly<'a> {
 }
 
 impl Assembly<'_> {
-    fn observations(&mut self) -> Result<DMatrix<f64>, String> {
+    fn observations(&mut self) -> Result<DMatrix<f64>, ArraysError> {
         let observations = self.arrays.required(OBSERVATIONS)?;
         self.of_steps("observations", observations)
     }
 
     /// The poses; absent unless both halves are there.
-    fn poses(&mut self) -> Result<Option<Vec<Pose>>, String> {
+    fn poses(&mut self) -> Result<Option<Vec<Pose>>, ArraysError> {
         // Both are looked up even if one is missing, so that it does not count as unused.
         let (qpos, qvel) = (self.arrays.first(QPOS)?, self.arrays.first(QVEL)?);
         let (qpos, qvel) = match (qpos, qvel) {
@@ -142,7 +142,7 @@ impl Assembly<'_> {
         Ok(Some(poses.collect()))
     }
 
-    fn rewards(&mut self) -> Result<Option<Vec<f64>>, String> {
+    fn rewards(&mut self) -> Result<Option<Vec<f64>>, ArraysError> {
         let rewards = self.arrays.of_each_step(REWARDS, self.n)?;
         if rewards.is_none() {
             self.losses.push("rewards are not recorded".into());
@@ -150,23 +150,21 @@ impl Assembly<'_> {
         Ok(rewards.map(|(_, rewards)| rewards))
     }
 
-    /// The `array` called `what` with one column a step. If it has one row more for each episode,
+    /// The `array` called `name` with one column a step. If it has one row more for each episode,
     /// the row after the episode's last step is left out: it has no place in the format.
-    fn of_steps(&mut self, what: &str, array: Array) -> Result<DMatrix<f64>, String> {
+    fn of_steps(&mut self, name: &'static str, array: Array) -> Result<DMatrix<f64>, ArraysError> {
         let (n, rows, count) = (self.n, array.rows(), self.episodes.count());
         let columns = array.into_columns();
         if rows == n {
             return Ok(columns);
         }
         if rows != n + count {
-            let episodes = if count == 1 {
-                "1 episode".to_owned()
-            } else {
-                format!("{count} episodes")
-            };
-            return Err(format!(
-                "`{what}` has {rows} rows for {n} actions in {episodes}"
-            ));
+            return Err(ArraysError::Rows {
+                name,
+                found: rows,
+                steps: n,
+                episodes: count,
+            });
         }
         self.after_last = true;
         // Each episode before has one row more, too, and moves the place by one.

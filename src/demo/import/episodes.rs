@@ -6,7 +6,10 @@
 
 use std::collections::HashSet;
 
-use super::arrays::Arrays;
+use super::{
+    ArraysError, EpisodesError,
+    arrays::{Array, Arrays},
+};
 
 /// Names of arrays that number the episodes: the number of the episode at each step.
 const NUMBERS: &[&str] = &[
@@ -63,7 +66,7 @@ impl Episodes {
     /// # Errors
     ///
     /// An array cannot describe the episodes of `n` steps, or two contradict each other.
-    pub(super) fn of(arrays: &mut Arrays<'_>, n: usize, limit: u64) -> Result<Self, String> {
+    pub(super) fn of(arrays: &mut Arrays<'_>, n: usize, limit: u64) -> Result<Self, ArraysError> {
         let mut accounts = Accounts {
             n,
             found: Vec::new(),
@@ -110,7 +113,12 @@ impl Episodes {
         let done = flags(arrays.first(DONE)?);
         for (name, flags) in [&terminated, &truncated, &done].into_iter().flatten() {
             if flags.len() != n {
-                return Err(format!("`{name}` has {} rows for {n} actions", flags.len()));
+                return Err(EpisodesError::Flags {
+                    name,
+                    found: flags.len(),
+                    steps: n,
+                }
+                .into());
             }
         }
         let starts_told = told.is_some();
@@ -136,9 +144,7 @@ impl Episodes {
             && returns.rows() != episodes.starts.len()
         {
             let (told, found) = (returns.rows(), episodes.starts.len());
-            return Err(format!(
-                "`{name}` says {told} episodes, but the arrays hold {found}"
-            ));
+            return Err(EpisodesError::Returns { name, told, found }.into());
         }
         Ok(episodes)
     }
@@ -199,28 +205,26 @@ struct Accounts {
 
 impl Accounts {
     /// Adds an account. Errors: it contradicts an earlier one.
-    fn add(&mut self, name: &'static str, starts: Vec<usize>) -> Result<(), String> {
+    fn add(&mut self, name: &'static str, starts: Vec<usize>) -> Result<(), EpisodesError> {
         if let Some((other, before)) = self.found.first()
             && *before != starts
         {
             let row = (0..self.n)
                 .find(|row| before.binary_search(row).is_ok() != starts.binary_search(row).is_ok());
             let row = row.unwrap_or_default();
-            let (one, none) = if starts.contains(&row) {
+            let (one, other) = if starts.contains(&row) {
                 (name, *other)
             } else {
                 (*other, name)
             };
-            return Err(format!(
-                "`{one}` begins an episode in row {row}, where `{none}` does not"
-            ));
+            return Err(EpisodesError::Contradiction { one, other, row });
         }
         self.found.push((name, starts));
         Ok(())
     }
 }
 
-fn flags(found: Option<(&'static str, super::arrays::Array)>) -> Option<(&'static str, Vec<bool>)> {
+fn flags(found: Option<(&'static str, Array)>) -> Option<(&'static str, Vec<bool>)> {
     found.map(|(name, array)| (name, array.numbers().iter().map(|&x| x != 0.0).collect()))
 }
 
@@ -230,17 +234,20 @@ fn after_each(n: usize, ends: impl Fn(usize) -> bool) -> Vec<usize> {
 }
 
 /// `starts` as row numbers. Errors: they do not rise, or leave `n`.
-fn rising(name: &str, starts: impl Iterator<Item = f64>, n: usize) -> Result<Vec<usize>, String> {
-    let disorderly = || format!("its `{name}` do not rise within its actions");
+fn rising(
+    name: &'static str,
+    starts: impl Iterator<Item = f64>,
+    n: usize,
+) -> Result<Vec<usize>, EpisodesError> {
     let rows: Option<Vec<usize>> = starts
         .map(|at| (at.fract() == 0.0 && at >= 0.0 && at < n as f64).then_some(at as usize))
         .collect();
     rows.filter(|rows| rows.is_sorted_by(|a, b| a < b))
-        .ok_or_else(disorderly)
+        .ok_or(EpisodesError::Disorder(name))
 }
 
 /// The rows where the number of the episode changes. Errors: a number comes again.
-fn changes(name: &str, numbers: &[f64]) -> Result<Vec<usize>, String> {
+fn changes(name: &'static str, numbers: &[f64]) -> Result<Vec<usize>, EpisodesError> {
     let mut seen = HashSet::new();
     let mut starts = Vec::new();
     for (row, &number) in numbers.iter().enumerate() {
@@ -248,9 +255,7 @@ fn changes(name: &str, numbers: &[f64]) -> Result<Vec<usize>, String> {
             continue;
         }
         if !seen.insert(number.to_bits()) {
-            return Err(format!(
-                "`{name}` {number} appears again in row {row}; an episode's steps must be together"
-            ));
+            return Err(EpisodesError::Apart { name, number, row });
         }
         starts.push(row);
     }
@@ -258,21 +263,23 @@ fn changes(name: &str, numbers: &[f64]) -> Result<Vec<usize>, String> {
 }
 
 /// The rows where the step within the episode starts over. Errors: it does not rise by one.
-fn restarts(name: &str, steps: &[f64]) -> Result<Vec<usize>, String> {
+fn restarts(name: &'static str, steps: &[f64]) -> Result<Vec<usize>, EpisodesError> {
     let mut starts = Vec::new();
     for (row, &step) in steps.iter().enumerate() {
         if row > 0 && step == steps[row - 1] + 1.0 {
             continue;
         }
         if !step.is_finite() {
-            return Err(format!("`{name}` is {step} in row {row}"));
+            return Err(EpisodesError::NoStep { name, step, row });
         }
         if step != steps[0] {
-            let expected = steps[row - 1] + 1.0;
-            return Err(format!(
-                "`{name}` is {step} in row {row}; expected {expected}, or {} again",
-                steps[0]
-            ));
+            return Err(EpisodesError::OutOfStep {
+                name,
+                step,
+                row,
+                next: steps[row - 1] + 1.0,
+                first: steps[0],
+            });
         }
         starts.push(row);
     }

@@ -7,6 +7,7 @@
 mod arrays;
 mod assemble;
 mod episodes;
+mod error;
 mod npz;
 mod pickle;
 mod returns;
@@ -15,12 +16,16 @@ mod table;
 
 use std::{io::Read, path::Path};
 
+pub use error::{ArraysError, EpisodesError, ImportError, UnfoldError};
+pub use npz::{MemberError, NpzError};
+pub use pickle::PickleError;
 pub use returns::recomputed_rewards;
+pub use rlframe::TrajectoryError;
 
 use super::{
-    DemoError, Demonstration,
+    DemoError, Demonstration, Mismatch, ReadError,
     motion::{self, Mover},
-    parquet::read_bounded,
+    parquet::{read_bounded, unreadable},
 };
 use crate::{env::EnvId, parquet::MAX_NUMBERS};
 
@@ -56,28 +61,18 @@ pub struct Imported {
 /// The file is none of these, damaged, or of another environment; arrays do not fit each other; an
 /// episode is longer than `env` allows.
 pub fn import(path: &Path, env: EnvId) -> Result<Imported, DemoError> {
-    let unreadable = |reason: String| DemoError::Unreadable {
-        path: path.to_owned(),
-        reason,
-    };
-    let file = read_bounded(path).map_err(unreadable)?;
-    let mut imported = from_bytes(file, env).map_err(unreadable)?;
-    if let Some(flaw) = imported.demonstration.flaw() {
-        return Err(unreadable(flaw));
-    }
+    let mut imported = read(path, env).map_err(unreadable(path))?;
     let Imported {
         demonstration,
         losses,
         warnings,
     } = &mut imported;
     demonstration.check(path, env)?;
-    if let Some(reason) = too_long(demonstration, env) {
-        return Err(DemoError::Misfit {
-            path: path.to_owned(),
-            env,
-            reason,
-        });
-    }
+    lengths_are_possible(demonstration, env).map_err(|source| DemoError::Misfit {
+        path: path.to_owned(),
+        env,
+        source,
+    })?;
     let label = demonstration.label().filter(|label| *label != env.name());
     warnings.extend(label.and_then(|label| of_another_version(label, env)));
     let failed = |source| DemoError::Environment {
@@ -115,6 +110,13 @@ pub fn import(path: &Path, env: EnvId) -> Result<Imported, DemoError> {
     Ok(imported)
 }
 
+/// The demonstration of `env` in the file `path`.
+fn read(path: &Path, env: EnvId) -> Result<Imported, ReadError> {
+    let imported = from_bytes(read_bounded(path)?, env)?;
+    imported.demonstration.is_sound()?;
+    Ok(imported)
+}
+
 /// The warning about a file whose `label` is not quite that of `env`.
 fn of_another_version(label: &str, env: EnvId) -> Option<String> {
     let Some((_, version)) = EnvId::of_label(label) else {
@@ -130,19 +132,18 @@ fn of_another_version(label: &str, env: EnvId) -> Option<String> {
     ))
 }
 
-/// The message about an episode that is longer than `env` allows.
-fn too_long(demonstration: &Demonstration, env: EnvId) -> Option<String> {
-    let (limit, mut lengths) = (
-        env.max_steps(),
-        demonstration.episodes().map(|steps| steps.len()),
-    );
-    let (episode, length) = lengths
-        .by_ref()
-        .enumerate()
-        .find(|(_, length)| *length as u64 > limit)?;
-    Some(format!(
-        "episode {episode} has {length} steps, and at most {limit} are possible; the file does not say where its episodes end, or does so under an unknown name"
-    ))
+/// Checks that no episode is longer than `env` allows.
+fn lengths_are_possible(demonstration: &Demonstration, env: EnvId) -> Result<(), Mismatch> {
+    let limit = env.max_steps();
+    let lengths = demonstration.episodes().map(|steps| steps.len());
+    match lengths.enumerate().find(|(_, steps)| *steps as u64 > limit) {
+        Some((episode, steps)) => Err(Mismatch::TooLong {
+            episode,
+            steps,
+            limit,
+        }),
+        None => Ok(()),
+    }
 }
 
 /// The warning about observations that jump after `steps`.
@@ -160,34 +161,30 @@ fn jump(steps: &[usize]) -> Option<String> {
 }
 
 /// The demonstration in the bytes of a file.
-fn from_bytes(file: Vec<u8>, env: EnvId) -> Result<Imported, String> {
+fn from_bytes(file: Vec<u8>, env: EnvId) -> Result<Imported, ImportError> {
     if file.starts_with(b"BZh") {
         let unfolded = unfold(bzip2::read::MultiBzDecoder::new(file.as_slice()))
-            .map_err(|reason| format!("its bzip2 compression is damaged: {reason}"))?;
-        rlframe::read(&unfolded, env)
+            .map_err(ImportError::Bzip2)?;
+        Ok(rlframe::read(&unfolded, env)?)
     } else if file.starts_with(b"\x80") {
-        rlframe::read(&file, env)
+        Ok(rlframe::read(&file, env)?)
     } else if file.starts_with(b"PAR1") {
         table::read(file, env)
     } else if file.starts_with(b"PK") {
         npz::read(&file, env)
     } else {
-        Err("it is not a pickle (bzip2-compressed or not), Parquet or .npz".into())
+        Err(ImportError::UnknownKind)
     }
 }
 
 /// Everything that `reader` gives, unless that is too much.
-fn unfold(reader: impl Read) -> Result<Vec<u8>, String> {
+fn unfold(reader: impl Read) -> Result<Vec<u8>, UnfoldError> {
     let mut bytes = Vec::new();
     reader
         .take(MAX_UNFOLDED as u64 + 1)
-        .read_to_end(&mut bytes)
-        .map_err(|error| error.to_string())?;
+        .read_to_end(&mut bytes)?;
     if bytes.len() > MAX_UNFOLDED {
-        return Err(format!(
-            "it unpacks to more than {} MiB",
-            MAX_UNFOLDED >> 20
-        ));
+        return Err(UnfoldError::TooLarge);
     }
     Ok(bytes)
 }

@@ -4,8 +4,12 @@
 //! in C order. Members that nobody asks for (`infos` of `imitation`, which is a pickle) are not
 //! looked into.
 
+mod error;
+
+pub use error::{MemberError, NpzError};
+
 use super::{
-    Imported, MAX_NUMBERS,
+    ImportError, Imported, MAX_NUMBERS,
     arrays::{Array, decode},
     assemble::assemble,
     unfold,
@@ -13,7 +17,7 @@ use super::{
 use crate::env::EnvId;
 
 /// The demonstration of `env` in the archive `file`.
-pub(super) fn read(file: &[u8], env: EnvId) -> Result<Imported, String> {
+pub(super) fn read(file: &[u8], env: EnvId) -> Result<Imported, ImportError> {
     let members = directory(file)?;
     let names: Vec<&str> = members
         .iter()
@@ -27,11 +31,16 @@ pub(super) fn read(file: &[u8], env: EnvId) -> Result<Imported, String> {
             return Ok(None);
         };
         let array = unfolded(file, *member).and_then(|bytes| array(&bytes));
-        array
-            .map(Some)
-            .map_err(|reason| format!("its array `{name}` {reason}"))
+        let of_member = |source| NpzError::Member {
+            name: name.to_owned(),
+            source,
+        };
+        Ok(Some(array.map_err(of_member)?))
     });
-    imported.map_err(|reason| format!("{reason} (the archive holds {})", names.join(", ")))
+    imported.map_err(|source| ImportError::ArchivedArrays {
+        source,
+        members: names.into_iter().map(str::to_owned).collect(),
+    })
 }
 
 /// A member of the archive.
@@ -52,7 +61,7 @@ fn u32_at(bytes: &[u8], at: usize) -> Option<usize> {
 }
 
 /// The members by name, from the directory at the archive's end.
-fn directory(file: &[u8]) -> Result<Vec<(String, Member)>, String> {
+fn directory(file: &[u8]) -> Result<Vec<(String, Member)>, NpzError> {
     const END: &[u8] = b"PK\x05\x06";
     const ENTRY: &[u8] = b"PK\x01\x02";
     // A comment of up to 64 KiB may follow the directory.
@@ -60,9 +69,9 @@ fn directory(file: &[u8]) -> Result<Vec<(String, Member)>, String> {
     let end = file[tail..]
         .windows(4)
         .rposition(|window| window == END)
-        .ok_or("the archive has no directory")?
+        .ok_or(NpzError::NoDirectory)?
         + tail;
-    let damaged = || "the archive's directory is damaged".to_owned();
+    let damaged = || NpzError::DamagedDirectory;
     let comment = u16_at(file, end + 20)
         .map(usize::from)
         .ok_or_else(damaged)?;
@@ -101,7 +110,7 @@ fn directory(file: &[u8]) -> Result<Vec<(String, Member)>, String> {
 }
 
 /// The bytes of `member`, decompressed.
-fn unfolded(file: &[u8], member: Member) -> Result<Vec<u8>, String> {
+fn unfolded(file: &[u8], member: Member) -> Result<Vec<u8>, MemberError> {
     let stored = || {
         let header = file
             .get(member.offset..)
@@ -109,19 +118,16 @@ fn unfolded(file: &[u8], member: Member) -> Result<Vec<u8>, String> {
         let start = 30 + usize::from(u16_at(header, 26)?) + usize::from(u16_at(header, 28)?);
         header.get(start..)?.get(..member.compressed_size)
     };
-    let stored = stored().ok_or("lies outside the archive")?;
+    let stored = stored().ok_or(MemberError::Outside)?;
     match member.method {
-        0 => unfold(stored),
-        8 => unfold(flate2::read::DeflateDecoder::new(stored)),
-        other => Err(format!(
-            "is compressed with ZIP's method {other}; only stored and deflated are read"
-        )),
+        0 => Ok(unfold(stored)?),
+        8 => Ok(unfold(flate2::read::DeflateDecoder::new(stored))?),
+        other => Err(MemberError::Method(other)),
     }
-    .map_err(|reason| format!("cannot be unpacked: {reason}"))
 }
 
 /// The array in `bytes`, an `.npy` file.
-fn array(bytes: &[u8]) -> Result<Array, String> {
+fn array(bytes: &[u8]) -> Result<Array, MemberError> {
     let split = || {
         let (major, rest) = bytes.strip_prefix(b"\x93NUMPY")?.split_first()?;
         let rest = rest.get(1..)?;
@@ -133,7 +139,7 @@ fn array(bytes: &[u8]) -> Result<Array, String> {
         let (header, data) = rest.split_at_checked(length)?;
         Some((std::str::from_utf8(header).ok()?, data))
     };
-    let (header, data) = split().ok_or("is not an .npy array")?;
+    let (header, data) = split().ok_or(MemberError::NotNpy)?;
     // The header is Python's: {'descr': '<f8', 'fortran_order': False, 'shape': (3, 4), }
     let after = |key: &str| {
         header
@@ -142,40 +148,40 @@ fn array(bytes: &[u8]) -> Result<Array, String> {
     };
     let dtype = after("'descr'")
         .and_then(|rest| rest.split('\'').next())
-        .ok_or("has no type")?;
+        .ok_or(MemberError::NoType)?;
     let fortran = after("'fortran_order'").is_some_and(|rest| rest.starts_with("True"));
     let shape = after("'shape'")
         .and_then(|rest| rest.strip_prefix('(')?.split_once(')'))
-        .ok_or("has no shape")?
+        .ok_or(MemberError::NoShape)?
         .0;
     let shape = shape
         .split(',')
         .map(str::trim)
         .filter(|length| !length.is_empty());
     let shape: Vec<usize> = shape
-        .map(|n| n.parse().map_err(|_| "has no shape"))
+        .map(|n| n.parse().map_err(|_| MemberError::NoShape))
         .collect::<Result<_, _>>()?;
     // A vector is the same in both orders.
     if fortran && shape.len() > 1 {
-        return Err("is in Fortran order; only C order is read".into());
+        return Err(MemberError::FortranOrder);
     }
     let size = shape
         .iter()
         .try_fold(1usize, |size, &length| size.checked_mul(length));
     let size = size
         .filter(|&size| size <= MAX_NUMBERS)
-        .ok_or_else(|| format!("has the shape {shape:?}, too large"))?;
+        .ok_or_else(|| MemberError::TooLarge(shape.clone()))?;
     let numbers = decode(
         dtype.trim_start_matches(['<', '>', '=', '|']),
         !dtype.starts_with('>'),
         data,
     );
-    let numbers = numbers.ok_or_else(|| format!("holds `{dtype}`; numbers are needed"))?;
+    let numbers = numbers.ok_or_else(|| MemberError::NoNumbers(dtype.to_owned()))?;
     if size != numbers.len() {
-        return Err(format!(
-            "has {} numbers for the shape {shape:?}",
-            numbers.len()
-        ));
+        return Err(MemberError::Shape {
+            found: numbers.len(),
+            shape,
+        });
     }
     Ok(Array::new(shape.first().copied().unwrap_or(1), numbers))
 }

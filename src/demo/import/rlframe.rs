@@ -5,9 +5,13 @@
 //! `clip((x - mean) / std, -5, 5)`, which is undone with the mean, sum of squared errors and count
 //! that the file keeps. What was clipped stays at the clip.
 
+mod error;
+
 use std::collections::BTreeSet;
 
 use nalgebra::{DMatrix, DVector};
+
+pub use error::TrajectoryError;
 
 use super::{
     Imported, MAX_NUMBERS, NAMES, infer_ends,
@@ -17,57 +21,53 @@ use crate::{demo::Demonstration, env::EnvId};
 
 /// Where the demonstrator's filter clipped.
 const CLIP: f64 = 5.0;
+
 /// Reads the demonstration from `bytes`, a pickle.
-pub(super) fn read(bytes: &[u8], env: EnvId) -> Result<Imported, String> {
+pub(super) fn read(bytes: &[u8], env: EnvId) -> Result<Imported, TrajectoryError> {
     let pickle = Pickle::read(bytes)?;
     let root = pickle.root();
     let Some(Object::List(episodes)) = pickle.entry(root, "trajectory") else {
-        return Err("the pickle has no list `trajectory`".into());
+        return Err(TrajectoryError::NoEpisodes);
     };
     let (mut states, mut actions, mut episode_starts) = (Vec::new(), Vec::new(), Vec::new());
     let (mut state_dim, mut action_dim, mut ignored) = (None, None, BTreeSet::new());
     let (mut n, mut looked_at) = (0, 0);
-    for (e, &episode) in episodes.iter().enumerate() {
-        let Object::List(steps) = pickle.get(episode) else {
-            return Err(format!(
-                "episode {e} of the pickle's `trajectory` is not a list"
-            ));
+    for (episode, &steps) in episodes.iter().enumerate() {
+        let Object::List(steps) = pickle.get(steps) else {
+            return Err(TrajectoryError::Episode(episode));
         };
         if steps.is_empty() {
             continue;
         }
         episode_starts.push(n);
-        for (i, &step) in steps.iter().enumerate() {
-            let step = pickle.get(step);
-            let Object::Dict(entries) = step else {
-                return Err(format!(
-                    "step {i} of episode {e} in the pickle is not a dictionary"
-                ));
+        for (step, &entries) in steps.iter().enumerate() {
+            let entry = pickle.get(entries);
+            let Object::Dict(entries) = entry else {
+                return Err(TrajectoryError::Step { step, episode });
             };
             // A list may hold one step many times, so the file's length does not bound its unfolded
             // size.
             looked_at += entries.len() + state_dim.unwrap_or(0) + action_dim.unwrap_or(0);
             if looked_at > MAX_NUMBERS {
-                return Err(format!(
-                    "the pickle's steps unpack to more than {MAX_NUMBERS} numbers"
-                ));
+                return Err(TrajectoryError::TooManyNumbers);
             }
             for (key, numbers, dim) in [
                 ("s", &mut states, &mut state_dim),
                 ("a", &mut actions, &mut action_dim),
             ] {
                 let found = pickle
-                    .entry(step, key)
+                    .entry(entry, key)
                     .and_then(|object| pickle.numbers(object));
-                let found = found.ok_or_else(|| {
-                    format!("step {i} of episode {e} has no array of numbers `{key}`")
-                })?;
+                let found = found.ok_or(TrajectoryError::NoNumbers { key, step, episode })?;
                 let dim = *dim.get_or_insert(found.len());
                 if found.len() != dim {
-                    return Err(format!(
-                        "`{key}` in step {i} of episode {e} has {} numbers; {dim} before",
-                        found.len()
-                    ));
+                    return Err(TrajectoryError::Length {
+                        key,
+                        step,
+                        episode,
+                        found: found.len(),
+                        before: dim,
+                    });
                 }
                 numbers.extend(found);
             }
@@ -129,21 +129,21 @@ fn unfilter(
     filter: &Object<'_>,
     states: &mut DMatrix<f64>,
     losses: &mut Vec<String>,
-) -> Result<(), String> {
+) -> Result<(), TrajectoryError> {
     let dim = states.nrows();
-    let numbers = |key: &str| {
+    let numbers = |key: &'static str| {
         let numbers = pickle
             .entry(filter, key)
             .and_then(|object| pickle.numbers(object));
-        let numbers =
-            numbers.ok_or_else(|| format!("the pickle's filter has no numbers `{key}`"))?;
+        let numbers = numbers.ok_or(TrajectoryError::NoStatistic(key))?;
         if numbers.len() == dim {
             Ok(DVector::from_vec(numbers))
         } else {
-            Err(format!(
-                "`{key}` of the pickle's filter has {} numbers for states of {dim}",
-                numbers.len()
-            ))
+            Err(TrajectoryError::Statistic {
+                key,
+                found: numbers.len(),
+                needed: dim,
+            })
         }
     };
     let (mean, squared_errors) = (numbers("zfilter mean")?, numbers("zfilter errsum")?);
@@ -152,7 +152,7 @@ fn unfilter(
         .and_then(|object| pickle.number(object));
     let count = count
         .filter(|&count| count > 1.0)
-        .ok_or("the pickle's filter has no count `zfilter n_step` above 1")?;
+        .ok_or(TrajectoryError::NoCount)?;
     let deviation = squared_errors.map(|sum| (sum / (count - 1.0)).sqrt());
     // Counted while the states are still in the filter's units.
     let clipped = states.iter().filter(|state| state.abs() >= CLIP).count();

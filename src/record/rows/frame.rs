@@ -4,9 +4,10 @@ use std::sync::Arc;
 
 use polars::prelude::{Column as Series, NamedFrom, Series as Untyped};
 
+use super::TableError;
 use crate::{
     measured::{Cell, Column, Field},
-    parquet::{Cells, Table},
+    parquet::{Cells, Entries, ParquetError, Table},
 };
 
 /// The columns of `rows`, in the catalogue's order.
@@ -49,39 +50,38 @@ pub(super) fn to_rows<R: Default + Clone>(
     columns: &[&Column<R>],
     table: &Table,
     most: usize,
-) -> Result<Vec<R>, String> {
+) -> Result<Vec<R>, TableError> {
     // A table of fewer columns may have more rows than there is memory for.
     if let Some(missing) = columns.iter().find(|column| !table.has(column.name)) {
-        return table.cells(missing.name).map(|_| Vec::new());
+        table.cells(missing.name)?;
     }
     let mut rows = Vec::new();
     for column in columns {
         let cells = table.cells(column.name)?;
         rows.resize(table.rows().min(most), R::default()); // there are as many cells as the table claims rows
-        fill(&mut rows, column, cells)
-            .map_err(|reason| format!("its column `{}` {reason}", column.name))?;
+        fill(&mut rows, column, cells)?;
     }
     Ok(rows)
 }
 
 /// Puts the `cells` of `column` into the rows.
-fn fill<R>(rows: &mut [R], column: &Column<R>, cells: Cells) -> Result<(), String> {
+fn fill<R>(rows: &mut [R], column: &Column<R>, cells: Cells) -> Result<(), TableError> {
     let text = |cell: Option<Arc<str>>| cell.map(|text| text.to_string());
     match (&column.cell, cells) {
         (Cell::Whole(field), Cells::Unsigned(cells)) => {
-            put(rows, field, required(cells, rows.len())?)
+            put(rows, field, required(column.name, cells, rows.len())?)
         }
         (Cell::Number(field), Cells::Numbers(cells)) => {
-            put(rows, field, required(cells, rows.len())?)
+            put(rows, field, required(column.name, cells, rows.len())?)
         }
         (Cell::Truth(field), Cells::Truths(cells)) => {
-            put(rows, field, required(cells, rows.len())?)
+            put(rows, field, required(column.name, cells, rows.len())?)
         }
         (Cell::Word(field), Cells::Texts(cells)) => {
             put(
                 rows,
                 field,
-                required(cells, rows.len())?
+                required(column.name, cells, rows.len())?
                     .iter()
                     .map(|text| text.to_string())
                     .collect(),
@@ -93,11 +93,8 @@ fn fill<R>(rows: &mut [R], column: &Column<R>, cells: Cells) -> Result<(), Strin
             put(rows, field, cells.into_iter().map(text).collect())
         }
         (_, other) => {
-            return Err(format!(
-                "holds {}; expected {}",
-                other.name(),
-                expected(column)
-            ));
+            let found = Entries::Single(other.name());
+            return Err(ParquetError::wrong_type(column.name, found, expected(column)).into());
         }
     }
     Ok(())
@@ -109,10 +106,14 @@ fn put<R, T>(rows: &mut [R], field: &Field<R, T>, cells: Vec<T>) {
     }
 }
 
-/// The first `most` cells, none of which may be null.
-fn required<T>(cells: Vec<Option<T>>, most: usize) -> Result<Vec<T>, String> {
+/// The first `most` cells of the column `name`, none of which may be null.
+fn required<T>(
+    name: &'static str,
+    cells: Vec<Option<T>>,
+    most: usize,
+) -> Result<Vec<T>, TableError> {
     let all: Option<Vec<T>> = cells.into_iter().take(most).collect();
-    all.ok_or_else(|| "has nulls; it may have none".to_owned())
+    all.ok_or(TableError::Nulls(name))
 }
 
 /// The content of a column, in the words of a message.

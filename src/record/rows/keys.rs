@@ -4,11 +4,14 @@ use std::collections::BTreeMap;
 
 use crate::{
     measured::{self, Cell, Column, Field, Role, columns},
-    parquet::{Cells, Table},
+    parquet::{Cells, Entries, Table},
     plan::{AxisValue, RunSpec},
 };
 
-use super::frame::{self, named};
+use super::{
+    TableError,
+    frame::{self, named},
+};
 
 /// The first columns of every row.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -100,12 +103,9 @@ pub(super) fn to_columns(keys: &Keys, height: usize) -> Vec<polars::prelude::Col
 /// # Errors
 ///
 /// It has no rows, or a key's column is missing or of another type.
-pub(super) fn of(table: &Table) -> Result<Keys, String> {
+pub(super) fn of(table: &Table) -> Result<Keys, TableError> {
     let rows = frame::to_rows(COLUMNS, table, 1)?;
-    let keys: Keys = rows
-        .into_iter()
-        .next()
-        .ok_or_else(|| "it has no rows".to_owned())?;
+    let keys: Keys = rows.into_iter().next().ok_or(TableError::NoRows)?;
     Ok(Keys {
         axes: axes_of(table)?,
         ..keys
@@ -113,7 +113,7 @@ pub(super) fn of(table: &Table) -> Result<Keys, String> {
 }
 
 /// The axes of a table, from its first row.
-fn axes_of(table: &Table) -> Result<BTreeMap<String, AxisValue>, String> {
+fn axes_of(table: &Table) -> Result<BTreeMap<String, AxisValue>, TableError> {
     let names = table
         .columns()
         .into_iter()
@@ -135,10 +135,10 @@ fn axes_of(table: &Table) -> Result<BTreeMap<String, AxisValue>, String> {
             Cells::Truths(cells) => AxisValue::Truth(first(cells)),
             Cells::Texts(cells) => AxisValue::Text(first(cells).map(|text| text.to_string())),
             other @ Cells::Unsigned(_) => {
-                return Err(format!(
-                    "its column `{name}` holds {}; no axis does",
-                    other.name()
-                ));
+                return Err(TableError::Axis {
+                    column: name.to_owned(),
+                    found: Entries::Single(other.name()),
+                });
             }
         };
         axes.insert(name.strip_prefix(AXIS).unwrap_or(name).to_owned(), value);

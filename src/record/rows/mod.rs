@@ -10,6 +10,7 @@
 //! stranger's.
 
 mod documentation;
+mod error;
 mod frame;
 pub mod keys;
 #[cfg(test)]
@@ -20,12 +21,13 @@ use std::{collections::BTreeMap, path::Path};
 use polars::prelude::{DataFrame, KeyValueMetadata, ParquetWriter, PolarsError, PolarsResult};
 
 pub use documentation::documentation;
+pub use error::TableError;
 pub use keys::Keys;
 
 use super::{RecordError, Stamp, io_error, read_bounded, write_atomically};
 use crate::{
     measured::{Column, EvaluationEpisode, Iteration, evaluations, progress},
-    parquet::{MAX_NUMBERS, Table},
+    parquet::{Entries, MAX_NUMBERS, ParquetError, Table},
 };
 
 /// The largest table that is read, bytes.
@@ -91,7 +93,7 @@ pub fn write_progress(
 /// There is no such file, or it has other columns.
 pub fn read_progress(path: &Path) -> Result<Vec<Iteration>, RecordError> {
     frame::to_rows(progress::COLUMNS, &read(path)?, usize::MAX)
-        .map_err(|reason| malformed(path, reason))
+        .map_err(|error| malformed(path, error))
 }
 
 /// Writes the rows of evaluation episodes.
@@ -115,7 +117,7 @@ pub fn write_evaluations(
 /// There is no such file, or it has other columns.
 pub fn read_evaluations(path: &Path) -> Result<Vec<EvaluationEpisode>, RecordError> {
     frame::to_rows(evaluations::COLUMNS, &read(path)?, usize::MAX)
-        .map_err(|reason| malformed(path, reason))
+        .map_err(|error| malformed(path, error))
 }
 
 /// Reads the keys of a file of either kind.
@@ -124,7 +126,7 @@ pub fn read_evaluations(path: &Path) -> Result<Vec<EvaluationEpisode>, RecordErr
 ///
 /// There is no such file, it has other columns, or no rows.
 pub fn read_keys(path: &Path) -> Result<Keys, RecordError> {
-    keys::of(&read(path)?).map_err(|reason| malformed(path, reason))
+    keys::of(&read(path)?).map_err(|error| malformed(path, error))
 }
 
 /// Reads those `columns` that hold numbers and that the file has.
@@ -144,18 +146,11 @@ pub fn read_numbers(
     {
         let cells = table
             .cells(column.name)
-            .map_err(|reason| malformed(path, reason))?;
-        let type_found = cells.name();
-        let wrong = || {
-            malformed(
-                path,
-                format!(
-                    "its column `{}` holds {type_found}; expected numbers",
-                    column.name
-                ),
-            )
-        };
-        numbers.insert(column, cells.numbers().ok_or_else(wrong)?);
+            .map_err(|error| malformed(path, error))?;
+        let found = Entries::Single(cells.name());
+        let wrong = || ParquetError::wrong_type(column.name, found, "numbers");
+        let cells = cells.numbers().ok_or_else(|| malformed(path, wrong()))?;
+        numbers.insert(column, cells);
     }
     Ok(numbers)
 }
@@ -171,9 +166,8 @@ pub fn read_stamp(path: &Path) -> Result<Stamp, RecordError> {
         .into_iter()
         .find(|(key, _)| key == Stamp::KEY)
         .map(|(_, text)| text);
-    let text =
-        text.ok_or_else(|| malformed(path, format!("its metadata has no `{}`", Stamp::KEY)))?;
-    serde_json::from_str(&text).map_err(|error| malformed(path, error.to_string()))
+    let text = text.ok_or_else(|| malformed(path, TableError::NoStamp))?;
+    serde_json::from_str(&text).map_err(|error| malformed(path, error))
 }
 
 fn write(path: &Path, frame: PolarsResult<DataFrame>, stamp: &Stamp) -> Result<(), RecordError> {
@@ -190,7 +184,7 @@ fn write(path: &Path, frame: PolarsResult<DataFrame>, stamp: &Stamp) -> Result<(
                 .set_parallel(false)
                 .finish(&mut frame)
         })
-        .map_err(|error: PolarsError| malformed(path, error.to_string()))?;
+        .map_err(|error: PolarsError| malformed(path, error))?;
     write_atomically(path, &bytes)
 }
 
@@ -202,21 +196,17 @@ fn write(path: &Path, frame: PolarsResult<DataFrame>, stamp: &Stamp) -> Result<(
 pub(super) fn read(path: &Path) -> Result<Table, RecordError> {
     let absent = || io_error("read", path)(std::io::ErrorKind::NotFound.into());
     let table = Table::new(read_bounded(path, LIMIT)?.ok_or_else(absent)?)
-        .map_err(|reason| malformed(path, reason))?;
+        .map_err(|error| malformed(path, error))?;
     let cells = table.rows().saturating_mul(table.columns().len());
     if cells > MAX_NUMBERS {
-        return Err(malformed(
-            path,
-            format!("it claims {} rows, more than are read", table.rows()),
-        ));
+        return Err(malformed(path, TableError::TooManyRows(table.rows())));
     }
     Ok(table)
 }
 
-pub(super) fn malformed(path: &Path, reason: String) -> RecordError {
-    RecordError::Malformed {
+pub(super) fn malformed(path: &Path, error: impl Into<TableError>) -> RecordError {
+    RecordError::Table {
         path: path.to_owned(),
-        expected: "a table of results",
-        reason,
+        source: error.into(),
     }
 }

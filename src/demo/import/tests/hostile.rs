@@ -1,6 +1,7 @@
 //! Files that are damaged, or made to harm: refused, and never a panic.
 
 use super::*;
+use crate::demo::import::pickle::Pickle;
 
 /// The message of importing `bytes`.
 fn refusal(bytes: &[u8]) -> String {
@@ -54,22 +55,52 @@ fn a_pickle_that_names_a_function_is_refused_by_its_name() {
 
 #[test]
 fn pickles_that_misuse_the_machine_are_refused() {
-    for program in [
-        &b"\x80\x03."[..],                                   // nothing was made
-        b"\x80\x09.",                                        // an unknown protocol
-        b"\x80\x03h\x05.",                                   // recalls what was never made
-        b"\x80\x03K\x01a.",                                  // appends to nothing
-        b"\x80\x03}(K\x01u.",                                // a key without a value
-        b"\x80\x03u.",                                       // no mark
-        b"\x80\x03(((.",                                     // marks alone
-        b"\x80\x03X\xff\xff\xff\xffa.",                      // a text of 4 GB
-        b"\x80\x04\x8e\xff\xff\xff\xff\xff\xff\xff\xff.",    // bytes beyond the address space
-        b"\x80\x03}q\x00X\x0a\x00\x00\x00trajectoryh\x00s.", // a dictionary that holds itself
-        b"\x80\x03]q\x00h\x00a.",                            // a list that holds itself
-        b"\x80\x03}X\x0a\x00\x00\x00trajectory]s.",          // no episodes
-        b"\x80\x03}X\x0a\x00\x00\x00trajectory](]K\x01es.",  // an episode that is a number
+    let wrong = |action, needed| PickleError::WrongObject { action, needed };
+    for (program, error) in [
+        (&b"\x80\x03."[..], PickleError::EmptyStack), // nothing was made
+        (b"\x80\x03u.", PickleError::EmptyStack),     // no mark
+        (b"\x80\x03(((.", PickleError::EmptyStack),   // marks alone
+        (b"\x80\x03K\x01a.", PickleError::EmptyStack), // appends to nothing
+        (b"\x80\x03NK\x01a.", wrong("appends to", "a list")),
+        (b"\x80\x03NNNs.", wrong("inserts into", "a dictionary")),
+        (b"\x80\x04NN\x93.", wrong("names a function by", "text")),
+        (b"\x80\x03NNR.", wrong("calls", "a function")),
+        (b"\x80\x03}(K\x01u.", PickleError::KeyAlone),
+        (b"\x80\x09.", PickleError::Protocol(9)),
+        (b"\x80\x03h\x05.", PickleError::NeverMade(5)),
+        (b"\x80\x03X\xff\xff\xff\xffa.", PickleError::Ended), // a text of 4 GB
+        // Bytes beyond the address space.
+        (
+            b"\x80\x04\x8e\xff\xff\xff\xff\xff\xff\xff\xff.",
+            PickleError::Ended,
+        ),
+        (
+            b"\x80\x03\x8a\x09\0\0\0\0\0\0\0\0\0.",
+            PickleError::LongNumber,
+        ),
+        (b"\x80\x04\x8c\x01\xff.", PickleError::Encoding("UTF-8")),
     ] {
+        assert_eq!(Pickle::read(program).err(), Some(error));
         refusal(program);
+    }
+    for (program, says) in [
+        // A dictionary that holds itself, and a list that does.
+        (
+            &b"\x80\x03}q\x00X\x0a\x00\x00\x00trajectoryh\x00s."[..],
+            "no list",
+        ),
+        (b"\x80\x03]q\x00h\x00a.", "no list `trajectory`"),
+        (
+            b"\x80\x03}X\x0a\x00\x00\x00trajectory]s.",
+            "it has no steps",
+        ),
+        (
+            b"\x80\x03}X\x0a\x00\x00\x00trajectory](]K\x01es.",
+            "episode 1 of the pickle's `trajectory` is not a list",
+        ),
+    ] {
+        let message = refusal(program);
+        assert!(message.contains(says), "{says}: {message}");
     }
     // A mark hides what is below it from instructions that take one object.
     assert!(refusal(b"\x80\x03]K\x01(a.").contains("empty stack"));
@@ -269,7 +300,7 @@ fn damaged_files_never_panic() {
             }
             if let Ok(imported) = from_bytes(bytes, EnvId::InvertedPendulum) {
                 // What is left of it is a demonstration, or is known to be none.
-                let _ = imported.demonstration.flaw();
+                let _ = imported.demonstration.is_sound();
             }
         }
     }
@@ -325,7 +356,7 @@ fn lengths_ranks_and_types_that_do_not_fit_never_panic() {
             .map(|(name, bytes)| (name.as_str(), bytes.as_slice()))
             .collect();
         if let Ok(imported) = from_bytes(archive(&members), EnvId::InvertedPendulum) {
-            read += usize::from(imported.demonstration.flaw().is_none());
+            read += usize::from(imported.demonstration.is_sound().is_ok());
         }
     };
     for observations in shapes {
