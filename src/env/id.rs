@@ -81,7 +81,7 @@ impl EnvId {
                 env: name.to_owned(),
                 key,
                 index: None,
-                flaw,
+                flaw: Box::new(flaw),
             }
         };
         let model = Model::read(&robot.model).map_err(wrong("model"))?;

@@ -145,7 +145,7 @@ pub enum EnvError {
         /// The element of its list, from 0; absent for a key that is no list.
         index: Option<usize>,
         /// The mistake.
-        flaw: Flaw,
+        flaw: Box<Flaw>,
     },
     /// The physics engine refused its model or state.
     #[error("{env}: MuJoCo: {message}")]

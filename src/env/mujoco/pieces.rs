@@ -65,7 +65,7 @@ impl Pieces {
                 env: name.to_owned(),
                 key,
                 index,
-                flaw,
+                flaw: Box::new(flaw),
             }
         };
         let read = |measure: &Measure| Reading::new(measure, simulation);

@@ -44,7 +44,7 @@ impl Simulation {
             env: env.to_owned(),
             key: "model",
             index: None,
-            flaw,
+            flaw: Box::new(flaw),
         };
         model.check_files().map_err(flawed)?;
         let loaded = match &model.path {
