@@ -101,6 +101,16 @@ pub enum Unjudged {
         /// The environment.
         env: EnvId,
     },
+    /// The runs ended, and recorded no such numbers: their algorithm has none.
+    #[error("{algorithm} records no {on} in {env}")]
+    NotRecorded {
+        /// The algorithm.
+        algorithm: &'static str,
+        /// The quantity that the claim compares.
+        on: &'static str,
+        /// The environment.
+        env: EnvId,
+    },
     /// The demonstration's return is unknown, or there are several.
     #[error("the return of the demonstration in {0} is not recorded, or not of one")]
     NoDemonstratedReturn(EnvId),
@@ -315,8 +325,17 @@ fn part(claim: &Claim, of: &[&Run], than: &[&Run]) -> Result<Part, Unjudged> {
             .iter()
             .filter_map(|run| measure::of(run, claim))
             .collect();
-        match values.len() {
-            found if found < SEEDS_FOR_VERDICT => Err(Unjudged::FewSeeds { found, env }),
+        // Returns are recorded by all; one that is missing is no finite number.
+        let ended = runs
+            .iter()
+            .find(|run| run.recording().is_some() && claim.on != Measure::Return);
+        match (values.len(), ended) {
+            (0, Some(run)) => Err(Unjudged::NotRecorded {
+                algorithm: run.spec.algorithm_name(),
+                on: claim.on.name(),
+                env,
+            }),
+            (found, _) if found < SEEDS_FOR_VERDICT => Err(Unjudged::FewSeeds { found, env }),
             _ => Ok(values),
         }
     };

@@ -52,6 +52,13 @@ fn what_cannot_be_judged_says_why() {
         reason(ABOVE_PPO, &few),
         "2 seeds in Hopper-v2; 3 are needed"
     );
+    assert_eq!(
+        reason(
+            "of = 'algorithm=ppo'\nis = 'below'\nthan = 'algorithm=mcpo'\non = 'mmd'",
+            &[ppo(ENV, &three), mcpo(ENV, 1e-4, &three)]
+        ),
+        "ppo records no mmd in Hopper-v2"
+    );
     let than_two = "of = 'algorithm=ppo'\nis = 'below'\nthan = 'algorithm=mcpo'";
     let two = [
         mcpo(ENV, 1e-4, &three),
