@@ -122,11 +122,23 @@ fn its_parts_add_up_and_its_speed_is_not_above_the_floors() {
                 .all(|part| number(part) >= 0.0)
         );
         let floor = &measured["floor"];
+        let is = |value: f64, wanted: f64| (value / wanted - 1.0).abs() < 1e-9;
         let products = number(&floor["product_seconds"]);
-        assert!(
-            (sum(&floor["operations"]) / number(&floor["flops_per_s"]) / products - 1.0).abs()
-                < 1e-9
-        );
-        assert!(number(&floor["physics_seconds"]) > 0.0);
+        let tanh = number(&floor["tanh_seconds"]);
+        let physics = number(&floor["physics_seconds"]);
+        assert!(is(
+            sum(&floor["operations"]) / number(&floor["flops_per_s"]),
+            products
+        ));
+        assert!(is(
+            sum(&floor["tanhs"]) / number(&floor["tanhs_per_s"]),
+            tanh
+        ));
+        // One hidden layer of 64, and the policy's pass of each step in the rollout.
+        assert_eq!(number(&floor["tanhs"]["policy inference"]), 64.0 * 1024.0);
+        assert!(physics > 0.0 && tanh > 0.0);
+        let cpu_seconds = number(&floor["cpu_seconds"]);
+        assert!(is(physics + products + tanh, cpu_seconds));
+        assert!(is(number(&measured["cpu_seconds"]) * ratio, cpu_seconds));
     }
 }

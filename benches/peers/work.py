@@ -1,5 +1,5 @@
 """How much an iteration computes, counted from shapes and passes: the counts of `mcpo-run bench`
-(src/bench/operations.rs), for any program."""
+(src/algo/operations.rs), for any program."""
 
 from dataclasses import dataclass, field
 

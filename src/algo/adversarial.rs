@@ -78,7 +78,7 @@ impl OnPolicy for Adversarial {
     }
 }
 
-/// The operations of an update: the discriminator's, the rewards, and the policy's own, `inner`.
+/// The work of an update: the discriminator's, the rewards, and the policy's own, `inner`.
 pub(super) fn operations(
     updates: Count,
     inner: Vec<Operations>,
@@ -92,7 +92,7 @@ pub(super) fn operations(
     } = counter;
     let updates = updates.get() as f64 * (n + m) * discriminator.forward_and_vjp();
     [
-        vec![("discriminator", updates + n * discriminator.forward())],
+        vec![("discriminator", updates + *n * discriminator.forward())],
         inner,
     ]
     .concat()

@@ -145,7 +145,7 @@ impl Algorithm {
         self.0.start(start)
     }
 
-    /// The operations of an update, part by part, without the policy's passes of the rollout.
+    /// The work of an update, part by part, without the policy's passes of the rollout.
     pub(super) fn operations(&self, counter: &Counter<'_>) -> Vec<Operations> {
         self.0.operations(counter)
     }

@@ -27,7 +27,7 @@ pub struct Definition<H: 'static> {
     pub cloning: Option<fn(&H) -> &cloning::Hyperparameters>,
     /// The learner of a run, ready for its first rollout.
     pub start: fn(H, Start) -> Result<Learner, AlgoError>,
-    /// The operations of an update, part by part, without the policy's passes of the rollout.
+    /// The work of an update, part by part, without the policy's passes of the rollout.
     pub operations: fn(&H, &Counter<'_>) -> Vec<Operations>,
 }
 

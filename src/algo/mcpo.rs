@@ -83,7 +83,7 @@ pub static MCPO: Definition<Hyperparameters> = Definition {
     operations,
 };
 
-/// The operations of an update.
+/// The work of an update.
 fn operations(h: &Hyperparameters, counter: &Counter<'_>) -> Vec<Operations> {
     let update = counter.update;
     let at_states = h.mmd.samples == Samples::DemoStates;

@@ -24,7 +24,7 @@ use super::{
     Agent, AlgoError,
     critic::{self, Critic},
     finite,
-    operations::{Counter, Operations},
+    operations::{Counter, Operations, Work},
     revision::Part,
     trust_region::{self, Surrogate},
 };
@@ -318,7 +318,7 @@ impl Mimicry {
     }
 }
 
-/// The operations of D and b, and of D at each of the `trials` of a line search.
+/// The work of D and b, and of D at each of the `trials` of a line search.
 pub(super) fn operations(
     samples: Samples,
     value_epochs: Count,
@@ -326,7 +326,7 @@ pub(super) fn operations(
     counter: &Counter<'_>,
 ) -> Operations {
     let &Counter { n, m, policy, .. } = counter;
-    let operations = match samples {
+    let work = match samples {
         Samples::DemoStates => {
             descent_step(counter) + trials * (m * policy.forward() + kernel(m, counter))
         }
@@ -337,27 +337,27 @@ pub(super) fn operations(
                 + counter.value_epochs(value_epochs).1
         }
     };
-    ("mimicry", operations)
+    ("mimicry", work)
 }
 
-/// The operations of a descent on D at the demonstration's states: D and its gradient before each
+/// The work of a descent on D at the demonstration's states: D and its gradient before each
 /// step and after the last.
-pub(super) fn descent_operations(counter: &Counter<'_>) -> f64 {
+pub(super) fn descent_operations(counter: &Counter<'_>) -> Work {
     (counter.update.recovery_steps.unwrap_or(0) + 1) as f64 * descent_step(counter)
 }
 
-fn descent_step(counter: &Counter<'_>) -> f64 {
+fn descent_step(counter: &Counter<'_>) -> Work {
     let &Counter {
         m, point, policy, ..
     } = counter;
-    let kernel_gradient = 2.0 * point * (m * m + m * m);
+    let kernel_gradient = Work::products(2.0 * point * (m * m + m * m));
     m * policy.forward_and_vjp() + kernel(m, counter) + kernel_gradient
 }
 
-/// The operations of the kernel's values among `n` points, and between them and the
+/// The work of the kernel's values among `n` points, and between them and the
 /// demonstration's.
-fn kernel(n: f64, counter: &Counter<'_>) -> f64 {
-    2.0 * counter.point * (n * n / 2.0 + n * counter.m)
+fn kernel(n: f64, counter: &Counter<'_>) -> Work {
+    Work::products(2.0 * counter.point * (n * n / 2.0 + n * counter.m))
 }
 
 #[cfg(test)]

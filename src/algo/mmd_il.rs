@@ -52,7 +52,7 @@ pub static MMD_IL: Definition<Hyperparameters> = Definition {
     operations,
 };
 
-/// The operations of an update.
+/// The work of an update.
 fn operations(h: &Hyperparameters, counter: &Counter<'_>) -> Vec<Operations> {
     match h.mmd.samples {
         Samples::DemoStates => vec![("descent", mimicry::descent_operations(counter))],

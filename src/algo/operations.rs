@@ -1,17 +1,17 @@
-//! The least number of floating-point operations that an iteration needs.
+//! The least work that an iteration needs: floating-point operations, and values of tanh.
 //!
 //! Owns the counts of networks' passes, from which each algorithm composes its own. They count
-//! matrix products, 2 for each multiplication with its addition. Tanh, exp, densities, Adam,
-//! shuffles and copies count as nothing, and so does what a run computes for its record alone (the
-//! KL after an update, the discriminator's loss). Knows nothing of how long an operation takes.
-//! Start at [`of_iteration`].
+//! matrix products, 2 for each multiplication with its addition, and tanh apart, which has no
+//! fixed number of operations. Tanh's slopes, exp, densities, Adam, shuffles and copies count as
+//! nothing, and so does what a run computes for its record alone (the KL after an update, the
+//! discriminator's loss). Knows nothing of how long either takes. Start at [`of_iteration`].
 //!
 //! A network of weights P, of which P_1 are the first layer's and P_L the last's, with A outputs
 //! and hidden layers of h_1 to h_k, takes for each sample
 //!
 //! | | operations | since |
 //! |---|---|---|
-//! | forward pass | 2 P | |
+//! | forward pass | 2 P, and h_1 + ... + h_k values of tanh | |
 //! | VJP | 4 P - 2 P_1 | weights' gradient, and the way back but for the last step |
 //! | sensitivities | 2 A sum h_l h_l+1 | the outputs' derivatives by the lower hidden layers' sums, once for all products |
 //! | Fisher product | 4 P + 4 P_L + 4 A (h_1 + ... + h_k-1) | there and back through the sensitivities |
@@ -23,6 +23,8 @@
 //! [`Update`]; conjugate gradient of a recovery from a rollout is not recorded there and counts as
 //! nothing. So work that an update leaves out lowers the floor with it, and work done twice does
 //! not raise it.
+
+use std::ops::{Add, Mul};
 
 use serde::Serialize;
 
@@ -46,10 +48,52 @@ pub struct Shapes {
     pub demonstration: usize,
 }
 
-/// The name of a part of an iteration, and its operations.
-pub type Operations = (&'static str, f64);
+/// The name of a part of an iteration, and its work.
+pub type Operations = (&'static str, Work);
 
-/// The operations of an iteration of `algorithm` that did `update`, part by part. `cuts` is the
+/// What has to be computed.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Work {
+    /// Floating-point operations of matrix products.
+    pub products: f64,
+    /// Values of tanh.
+    pub tanhs: f64,
+}
+
+impl Work {
+    /// Matrix products of so many `operations`.
+    pub fn products(operations: f64) -> Self {
+        Self {
+            products: operations,
+            tanhs: 0.0,
+        }
+    }
+}
+
+impl Add for Work {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self {
+            products: self.products + other.products,
+            tanhs: self.tanhs + other.tanhs,
+        }
+    }
+}
+
+/// So many times the same.
+impl Mul<Work> for f64 {
+    type Output = Work;
+
+    fn mul(self, work: Work) -> Work {
+        Work {
+            products: self * work.products,
+            tanhs: self * work.tanhs,
+        }
+    }
+}
+
+/// The work of an iteration of `algorithm` that did `update`, part by part. `cuts` is the
 /// number of the batch's segments that end with a value to be looked up.
 pub fn of_iteration(
     algorithm: &Algorithm,
@@ -63,17 +107,19 @@ pub fn of_iteration(
     parts
 }
 
-/// The operations that a sample's pass through one network takes.
+/// The work that a sample's pass through one network takes.
 #[derive(Debug, Clone, Copy)]
 pub struct Network {
     /// The number of weights, P.
     weights: f64,
     /// The number of the first layer's weights, P_1.
     first: f64,
-    /// The operations of a Fisher product.
-    pub fisher_product: f64,
-    /// The operations of the sensitivities, which all Fisher products of an iteration share.
-    pub sensitivities: f64,
+    /// The number of hidden units.
+    hidden: f64,
+    /// A Fisher product.
+    pub fisher_product: Work,
+    /// The sensitivities, which all Fisher products of an iteration share.
+    pub sensitivities: Work,
 }
 
 impl Network {
@@ -88,28 +134,34 @@ impl Network {
         Self {
             weights: all,
             first: weights(&widths[..2]),
-            fisher_product: 4.0 * (all + last + (output * lower) as f64),
-            sensitivities: 2.0 * output as f64 * hidden.windows(2).map(weights).sum::<f64>(),
+            hidden: hidden.iter().sum::<usize>() as f64,
+            fisher_product: Work::products(4.0 * (all + last + (output * lower) as f64)),
+            sensitivities: Work::products(
+                2.0 * output as f64 * hidden.windows(2).map(weights).sum::<f64>(),
+            ),
         }
     }
 
-    /// The operations of a forward pass.
-    pub fn forward(self) -> f64 {
-        2.0 * self.weights
+    /// A forward pass.
+    pub fn forward(self) -> Work {
+        Work {
+            products: 2.0 * self.weights,
+            tanhs: self.hidden,
+        }
     }
 
-    /// The operations of a vector-Jacobian product, after a forward pass.
-    pub fn vjp(self) -> f64 {
-        4.0 * self.weights - 2.0 * self.first
+    /// A vector-Jacobian product, after a forward pass.
+    pub fn vjp(self) -> Work {
+        Work::products(4.0 * self.weights - 2.0 * self.first)
     }
 
-    /// The operations of a forward pass and a vector-Jacobian product.
-    pub fn forward_and_vjp(self) -> f64 {
+    /// A forward pass and a vector-Jacobian product.
+    pub fn forward_and_vjp(self) -> Work {
         self.forward() + self.vjp()
     }
 }
 
-/// The sizes of one iteration, from which its operations are counted.
+/// The sizes of one iteration, from which its work is counted.
 pub struct Counter<'a> {
     /// The policy's network.
     pub policy: Network,
@@ -203,7 +255,7 @@ mod tests {
 
     /// A policy of 3 x 5 x 4 x 2: P = 15 + 20 + 8 = 43, P_1 = 15. A value network of 3 x 5 x 4 x 1:
     /// P = 39. Forward passes of 86 and 78 operations, VJPs of 142 and 126, Fisher products of 244
-    /// after 80 for the sensitivities.
+    /// after 80 for the sensitivities. A pass takes 9 values of tanh.
     fn shapes() -> Shapes {
         Shapes {
             observation: 3,
@@ -212,6 +264,14 @@ mod tests {
             environments: 2,
             rollout: 10,
             demonstration: 6,
+        }
+    }
+
+    /// So many operations of products, and `passes` samples' values of tanh.
+    fn work(products: f64, passes: f64) -> Work {
+        Work {
+            products,
+            tanhs: 9.0 * passes,
         }
     }
 
@@ -227,10 +287,10 @@ mod tests {
         };
         let parts = counted(&PPO.with(hyperparameters), &Update::default());
         let expected = [
-            ("policy inference", 860.0),
-            ("values", 13.0 * 78.0),
-            ("policy epochs", 70.0 * (86.0 + 142.0)),
-            ("value epochs", 70.0 * (78.0 + 126.0)),
+            ("policy inference", work(860.0, 10.0)),
+            ("values", work(13.0 * 78.0, 13.0)),
+            ("policy epochs", work(70.0 * (86.0 + 142.0), 70.0)),
+            ("value epochs", work(70.0 * (78.0 + 126.0), 70.0)),
         ];
         assert_eq!(parts, expected);
     }
@@ -246,12 +306,12 @@ mod tests {
         };
         let parts = counted(&TRPO.with(trpo.clone()), &update);
         let expected = [
-            ("policy inference", 860.0),
-            ("values", 13.0 * 78.0),
-            ("surrogate gradient", 1420.0),
-            ("Fisher products", 9.0 * 2440.0 + 800.0),
-            ("line search", 3.0 * 860.0),
-            ("value epochs", 20.0 * 204.0),
+            ("policy inference", work(860.0, 10.0)),
+            ("values", work(13.0 * 78.0, 13.0)),
+            ("surrogate gradient", work(1420.0, 0.0)),
+            ("Fisher products", work(9.0 * 2440.0 + 800.0, 0.0)),
+            ("line search", work(3.0 * 860.0, 30.0)),
+            ("value epochs", work(20.0 * 204.0, 20.0)),
         ];
         assert_eq!(parts, expected);
         let rejected = Update {
@@ -260,12 +320,13 @@ mod tests {
         };
         assert_eq!(
             counted(&TRPO.with(trpo.clone()), &rejected)[4],
-            ("line search", 10.0 * 860.0)
+            ("line search", work(10.0 * 860.0, 100.0))
         );
         // Every fourth of ten samples makes three.
         trpo.region.fisher_samples = constant(3);
         let products = counted(&TRPO.with(trpo), &rejected)[3];
-        assert_eq!(products, ("Fisher products", 3.0 * (9.0 * 244.0 + 80.0)));
+        let expected = work(3.0 * (9.0 * 244.0 + 80.0), 0.0);
+        assert_eq!(products, ("Fisher products", expected));
     }
 
     /// Points of 5 numbers, 6 of each side: 36 pairs with the demonstration and half as many on
@@ -280,9 +341,9 @@ mod tests {
             parts
                 .iter()
                 .find(|(name, _)| *name == part)
-                .map(|(_, operations)| *operations)
+                .map(|(_, work)| *work)
         };
-        let step = 6.0 * (86.0 + 142.0) + 540.0 + 720.0;
+        let step = work(6.0 * (86.0 + 142.0) + 540.0 + 720.0, 6.0);
         let case = |case: &str| Update {
             case: Some(case.to_owned()),
             step_fraction: Some(0.0),
@@ -295,11 +356,11 @@ mod tests {
         };
         assert_eq!(
             of(active.clone(), "mimicry"),
-            Some(step + 2.0 * (6.0 * 86.0 + 540.0))
+            Some(step + 2.0 * work(6.0 * 86.0 + 540.0, 6.0))
         );
         assert_eq!(
             of(active.clone(), "Fisher products"),
-            Some(20.0 * 2440.0 + 800.0)
+            Some(work(20.0 * 2440.0 + 800.0, 0.0))
         );
         assert_eq!(of(active, "recovery"), None);
         let infeasible = Update {
@@ -307,21 +368,24 @@ mod tests {
             ..case("infeasible")
         };
         assert_eq!(of(infeasible.clone(), "mimicry"), Some(step));
-        assert_eq!(of(infeasible.clone(), "line search"), Some(0.0));
+        assert_eq!(of(infeasible.clone(), "line search"), Some(Work::default()));
         assert_eq!(of(infeasible, "recovery"), Some(5.0 * step));
         let fell_short = Update {
             recovery_steps: Some(1),
             step_fraction: Some(1.0),
             ..case("recoverable")
         };
-        assert_eq!(of(fell_short.clone(), "line search"), Some(860.0));
+        assert_eq!(
+            of(fell_short.clone(), "line search"),
+            Some(work(860.0, 10.0))
+        );
         assert_eq!(of(fell_short, "recovery"), Some(2.0 * step));
         let stays = Update {
             mmd: Some(1.0),
             d: Some(2.0),
             ..case("degenerate_g")
         };
-        assert_eq!(of(stays.clone(), "line search"), Some(0.0));
+        assert_eq!(of(stays.clone(), "line search"), Some(Work::default()));
         assert_eq!(
             of(
                 Update {
@@ -330,7 +394,7 @@ mod tests {
                 },
                 "line search"
             ),
-            Some(10.0 * 860.0)
+            Some(work(10.0 * 860.0, 100.0))
         );
     }
 
@@ -345,7 +409,7 @@ mod tests {
         for algorithm in all.filter(Algorithm::trains) {
             let (name, parts) = (algorithm.name(), counted(&algorithm, &update));
             assert!(
-                parts.len() > 1 && parts.iter().all(|(_, operations)| *operations > 0.0),
+                parts.len() > 1 && parts.iter().all(|(_, work)| work.products > 0.0),
                 "{name}: {parts:?}"
             );
         }

@@ -115,7 +115,7 @@ impl PolicyUpdate {
         }
     }
 
-    /// The operations of the update.
+    /// The work of the update.
     pub(super) fn operations(
         self,
         ppo: &ppo::Hyperparameters,

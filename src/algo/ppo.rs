@@ -62,7 +62,7 @@ fn start(hyperparameters: Hyperparameters, start: Start) -> Result<Learner, Algo
     Ok(Learner::on_policy(Ppo::new(hyperparameters, start.agent)))
 }
 
-/// The operations of an update.
+/// The work of an update.
 pub(super) fn operations(h: &Hyperparameters, counter: &Counter<'_>) -> Vec<Operations> {
     vec![
         counter.values(),

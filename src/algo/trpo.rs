@@ -36,7 +36,7 @@ pub static TRPO: Definition<Hyperparameters> = Definition {
     operations,
 };
 
-/// The operations of an update.
+/// The work of an update.
 pub(super) fn operations(h: &Hyperparameters, counter: &Counter<'_>) -> Vec<Operations> {
     let mut parts = vec![counter.values(), counter.surrogate_gradient()];
     parts.extend(trust_region::operations(

@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     AlgoError, Batch,
-    operations::{Counter, Operations},
+    operations::{Counter, Operations, Work},
     revision::Part,
 };
 use crate::{
@@ -203,7 +203,7 @@ pub fn spacing(n: usize, most: usize) -> usize {
     n.div_ceil(most).max(1)
 }
 
-/// The operations of conjugate gradient, and of the policy's passes in `trials` of the line search.
+/// The work of conjugate gradient, and of the policy's passes in `trials` of the line search.
 pub(super) fn operations(
     region: &TrustRegion,
     trials: f64,
@@ -217,7 +217,7 @@ pub(super) fn operations(
     let once = if products > 0.0 {
         policy.sensitivities
     } else {
-        0.0
+        Work::default()
     };
     [
         (

@@ -1,8 +1,10 @@
 //! How fast training is, and how fast this core could do it.
 //!
 //! Owns the measuring of a few iterations and the floor under them: the physics alone on the same
-//! steps, and the [operations](crate::algo::operations) of the networks' passes at the rate of the
-//! best product. Knows nothing of how this is shown. Start at [`measure`].
+//! steps, and the [work](crate::algo::operations) of the networks' passes, their products at the
+//! rate of the best product and their tanh at the rate of tanh in the nearest cache. So what is
+//! left above the floor is what could be gained. Knows nothing of how this is shown. Start at
+//! [`measure`].
 //!
 //! Ratios are taken by CPU time, which other work on the machine does not stretch (it still takes
 //! caches and clock rate away); on an idle machine the wall clock says the same.
@@ -91,34 +93,40 @@ pub struct Measured {
 pub struct Floor {
     /// Environment steps a second of CPU time.
     pub steps_per_cpu_s: f64,
+    /// CPU seconds: the physics, the products and tanh.
+    pub cpu_seconds: f64,
     /// CPU seconds of the same steps' physics alone, resets included.
     pub physics_seconds: f64,
-    /// CPU seconds of the operations at the rate of the best product.
+    /// CPU seconds of the products at the rate of the best product.
     pub product_seconds: f64,
-    /// Floating-point operations, by part.
+    /// CPU seconds of tanh at its best rate.
+    pub tanh_seconds: f64,
+    /// Floating-point operations of the products, by part.
     pub operations: Parts,
-    /// The best product.
+    /// Values of tanh, by part.
+    pub tanhs: Parts,
+    /// The best rates.
     #[serde(flatten)]
     pub rate: Rate,
 }
 
 impl Floor {
-    /// The floor of `env_steps` steps, whose physics took `physics_seconds` of CPU time, and of the
-    /// `operations` at this `rate`.
-    fn new(env_steps: u64, physics_seconds: f64, operations: Parts, rate: Rate) -> Self {
-        let product_seconds = operations.sum() / rate.flops_per_s;
+    /// The floor of `env_steps` steps, whose work is in `sums`, at this `rate`.
+    fn new(env_steps: u64, sums: &Sums, rate: Rate) -> Self {
+        let physics_seconds = sums.physics.cpu;
+        let product_seconds = sums.operations.sum() / rate.flops_per_s;
+        let tanh_seconds = sums.tanhs.sum() / rate.tanhs_per_s;
+        let cpu_seconds = physics_seconds + product_seconds + tanh_seconds;
         Self {
-            steps_per_cpu_s: env_steps as f64 / (physics_seconds + product_seconds),
+            steps_per_cpu_s: env_steps as f64 / cpu_seconds,
+            cpu_seconds,
             physics_seconds,
             product_seconds,
-            operations,
+            tanh_seconds,
+            operations: sums.operations.clone(),
+            tanhs: sums.tanhs.clone(),
             rate,
         }
-    }
-
-    /// CPU seconds of the physics and the operations.
-    fn cpu_seconds(&self) -> f64 {
-        self.physics_seconds + self.product_seconds
     }
 }
 
@@ -144,7 +152,7 @@ pub fn measure(spec: &RunSpec, iterations: u64) -> Result<Measured, BenchError> 
     sums.add_recording(training.checkpoint_seconds()?, every);
 
     let env_steps = iterations * shapes.rollout as u64;
-    let floor = Floor::new(env_steps, sums.physics.cpu, sums.operations, rate);
+    let floor = Floor::new(env_steps, &sums, rate);
     Ok(Measured {
         env: spec.env.to_string(),
         algorithm: spec.algorithm_name(),
@@ -155,7 +163,7 @@ pub fn measure(spec: &RunSpec, iterations: u64) -> Result<Measured, BenchError> 
         cpu_seconds: sums.spent.cpu,
         steps_per_s: env_steps as f64 / sums.spent.wall,
         steps_per_cpu_s: env_steps as f64 / sums.spent.cpu,
-        floor_ratio: floor.cpu_seconds() / sums.spent.cpu,
+        floor_ratio: floor.cpu_seconds / sums.spent.cpu,
         phases: sums.phases,
         floor,
         cases: sums.cases,

@@ -17,8 +17,10 @@ pub struct Sums {
     pub physics: Seconds,
     /// Where `spent.wall` went, seconds.
     pub phases: Parts,
-    /// Floating-point operations, by part.
+    /// Floating-point operations of products, by part.
     pub operations: Parts,
+    /// Values of tanh, by part.
+    pub tanhs: Parts,
     /// How often each case of the dual occurred.
     pub cases: BTreeMap<String, u64>,
     /// Products of conjugate gradient; `None` if there are none.
@@ -50,8 +52,9 @@ impl Sums {
         let known: f64 = update.seconds.iter().map(|(_, seconds)| seconds).sum();
         self.phases.add("rest of the update", updating.wall - known);
 
-        for (part, number) in operations::of_iteration(&spec.algorithm, shapes, cuts, &update) {
-            self.operations.add(part, number);
+        for (part, work) in operations::of_iteration(&spec.algorithm, shapes, cuts, &update) {
+            self.operations.add(part, work.products);
+            self.tanhs.add(part, work.tanhs);
         }
         if let Some(more) = update.cg_iterations {
             *self.cg_iterations.get_or_insert_default() += more;

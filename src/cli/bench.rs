@@ -3,7 +3,7 @@
 use std::{path::Path, process::ExitCode};
 
 use clap::builder::PossibleValuesParser;
-use comfy_table::{Cell, CellAlignment};
+use comfy_table::{Cell, CellAlignment, Table};
 
 use super::{
     environment::{Named, named},
@@ -11,7 +11,7 @@ use super::{
     print,
 };
 use crate::{
-    bench::{self, Measured},
+    bench::{self, Floor, Measured},
     plan::{self, RunSpec},
     schedule::progress::thousands,
     spec::{self, Algorithm, Overrides, SpecErrors},
@@ -146,25 +146,35 @@ fn show(measured: &Measured) -> String {
             number(share),
         ]);
     }
-    let mut floors = table(&["floor (CPU time)", "us/step", "Mflop/step"]);
-    floors.add_row([
-        Cell::new("physics alone"),
-        number(1e6 * floor.physics_seconds / steps),
-    ]);
-    for (name, operations) in floor.operations.iter() {
-        let microseconds = 1e6 * operations / floor.rate.flops_per_s / steps;
-        floors.add_row([
-            Cell::new(name),
-            number(microseconds),
-            number(1e-6 * operations / steps),
-        ]);
-    }
     text += &format!(
-        "{phases}\n\n{floors}\n\nat {:.1} Gflop/s, the best product here: {}\n",
+        "{phases}\n\n{}\n\nat {:.1} Gflop/s, the best product here: {}; and {:.2} billion tanh/s\n",
+        floor_table(floor, steps),
         1e-9 * floor.rate.flops_per_s,
-        floor.rate.product
+        floor.rate.product,
+        1e-9 * floor.rate.tanhs_per_s,
     );
     text
+}
+
+/// The parts of the floor of so many `steps`; each part's time is that of its products, and tanh's
+/// is that of all parts.
+fn floor_table(floor: &Floor, steps: f64) -> Table {
+    let mut rows = table(&["floor (CPU time)", "us/step", "Mflop/step", "tanh/step"]);
+    let microseconds = |seconds: f64| number(1e6 * seconds / steps);
+    rows.add_row([
+        Cell::new("physics alone"),
+        microseconds(floor.physics_seconds),
+    ]);
+    for ((name, operations), (_, tanhs)) in floor.operations.iter().zip(floor.tanhs.iter()) {
+        rows.add_row([
+            Cell::new(name),
+            microseconds(operations / floor.rate.flops_per_s),
+            number(1e-6 * operations / steps),
+            number(tanhs / steps),
+        ]);
+    }
+    rows.add_row([Cell::new("tanh"), microseconds(floor.tanh_seconds)]);
+    rows
 }
 
 fn number(number: f64) -> Cell {
