@@ -181,14 +181,12 @@ impl Iteration<'_> {
                      }: Attempt<'_>| {
             // First the measure that only takes a pass over the demonstration: a trial that is
             // corrected is not judged.
-            if correctable {
-                let mmd = mimicry.at(measured, policy, &[]);
-                if mmd > met {
-                    return Err(Refused::Excess(mmd - tolerance));
-                }
+            let known = correctable.then(|| mimicry.at(measured, policy, &[]));
+            if let Some(mmd) = known.filter(|mmd| *mmd > met) {
+                return Err(Refused::Excess(mmd - tolerance));
             }
             let trial = surrogate.measure(policy, pass);
-            let mmd = mimicry.at(measured, policy, &trial.ratios);
+            let mmd = known.unwrap_or_else(|| mimicry.at(measured, policy, &trial.ratios));
             let tests = [
                 region.holds(&trial),
                 (mmd <= max_mmd, "D"),
