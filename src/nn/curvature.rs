@@ -17,7 +17,7 @@ use super::{
     },
 };
 use crate::arithmetic::{
-    product::product, product_of_columns, tanh_cotangent, tanh_tangent, threads,
+    product::product, product_of_columns, tanh_cotangent, tanh_tangent, threads, transpose,
 };
 
 /// Samples whose sensitivities are computed together; few enough for the cache.
@@ -119,7 +119,7 @@ impl Mlp {
             } else {
                 let output = &mut output[..width * n];
                 // Transposed, since a product whose result has few rows is slow.
-                weights.transpose_to(&mut matrix_mut(output_weights, fan_in));
+                transpose(weights, matrix_mut(output_weights, fan_in));
                 product_of_columns(
                     matrix(output_weights, fan_in),
                     kept.input(layer),

@@ -14,7 +14,7 @@ use super::pass::{
 use crate::{
     arithmetic::{
         product::{product, product_nt, product_nt_and_sum},
-        product_of_columns, tanh_biased, tanh_cotangent, tanh_tangent, threads,
+        product_of_columns, tanh_biased, tanh_cotangent, tanh_tangent, threads, transpose,
     },
     rng::Rng,
 };
@@ -108,7 +108,7 @@ impl Mlp {
         if let (Some((weights, _)), Some(transposed)) =
             (self.layers().last(), transposed.last_mut())
         {
-            weights.transpose_to(&mut matrix_mut(transposed, weights.ncols()));
+            transpose(weights, matrix_mut(transposed, weights.ncols()));
         }
         let output_weights = transposed.last().map_or(&[][..], Vec::as_slice);
         let input_of = |chunk: &Range<usize>| columns(inputs.as_slice(), self.widths[0], chunk);
@@ -238,7 +238,7 @@ impl Mlp {
     pub(super) fn transpose(&self, pass: &mut Pass) {
         if !pass.is_transposed {
             for ((weights, _), transposed) in self.layers().zip(&mut pass.transposed) {
-                weights.transpose_to(&mut matrix_mut(transposed, weights.ncols()));
+                transpose(weights, matrix_mut(transposed, weights.ncols()));
             }
             pass.is_transposed = true;
         }
