@@ -53,7 +53,7 @@ impl Mlp {
             rooms,
             ..
         } = pass;
-        sum_over_chunks(*samples, rooms, result, |chunk, scratch, result| {
+        sum_over_chunks(*samples, rooms, result, |chunk, scratch, result, beta| {
             let kept = Kept {
                 widths: self.widths(),
                 inputs: inputs.as_slice(),
@@ -83,7 +83,7 @@ impl Mlp {
                 );
                 tanh_cotangent(last, kept.flat_input(layer));
             }
-            add_gradient(&kept, hidden, cotangent, output_weights, result);
+            add_gradient(&kept, hidden, cotangent, output_weights, result, beta);
         });
     }
 

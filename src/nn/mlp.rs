@@ -202,7 +202,8 @@ impl Mlp {
                  output_weights,
                  ..
              },
-             gradient| {
+             gradient,
+             beta| {
                 let kept = Kept {
                     widths: &self.widths,
                     inputs: inputs.as_slice(),
@@ -229,7 +230,7 @@ impl Mlp {
                     );
                     tanh_cotangent(here, kept.flat_input(layer));
                 }
-                add_gradient(&kept, hidden, cotangent, output_weights, gradient);
+                add_gradient(&kept, hidden, cotangent, output_weights, gradient, beta);
             },
         );
     }
@@ -312,15 +313,17 @@ impl Mlp {
     }
 }
 
-/// Adds the gradient of the chunk `kept`, from the derivatives by each layer's sums: `hidden`
-/// (`[width x CHUNK]`) and `cotangent` (`[out x chunk]`). A sum over a chunk's samples is complete
-/// before it is added (a test checks the bits). `room` is for the output's weights.
+/// Adds the gradient of the chunk `kept` to `beta` times `gradient`, from the derivatives by each
+/// layer's sums: `hidden` (`[width x CHUNK]`) and `cotangent` (`[out x chunk]`). A sum over a
+/// chunk's samples is complete before it is added (a test checks the bits). `room` is for the
+/// output's weights. The old content of `gradient` is ignored if `beta` is zero.
 pub(super) fn add_gradient(
     kept: &Kept<'_>,
     hidden: &[Vec<f32>],
     cotangent: DMatrixView<'_, f32>,
     room: &mut [f32],
     mut gradient: &mut [f32],
+    beta: f32,
 ) {
     for (layer, shape) in kept.widths.windows(2).enumerate() {
         let (fan_in, width) = (shape[0], shape[1]);
@@ -330,20 +333,27 @@ pub(super) fn add_gradient(
             // The biases, which lie behind the weights, are weights of an input of 1.
             Some(derivative) => {
                 let derivative = first(derivative, width, kept.chunk.len());
-                product_nt_and_sum(derivative, kept.input(layer), 1.0, matrix_mut(block, width));
+                product_nt_and_sum(
+                    derivative,
+                    kept.input(layer),
+                    beta,
+                    matrix_mut(block, width),
+                );
             }
             // As the transposed product, since a product whose result has few rows is slow.
             None => {
                 let (by_weights, by_biases) = block.split_at_mut(fan_in * width);
                 product_nt(kept.input(layer), cotangent, 0.0, matrix_mut(room, fan_in));
                 for (row, by_weight) in by_weights.chunks_exact_mut(width).enumerate() {
-                    by_weight
-                        .iter_mut()
-                        .zip(room[row..].iter().step_by(fan_in))
-                        .for_each(|(sum, x)| *sum += x);
+                    let sums = by_weight.iter_mut().zip(room[row..].iter().step_by(fan_in));
+                    if beta == 0.0 {
+                        sums.for_each(|(sum, x)| *sum = *x);
+                    } else {
+                        sums.for_each(|(sum, x)| *sum = x + beta * *sum);
+                    }
                 }
                 let ones = matrix(&ONES[..kept.chunk.len()], kept.chunk.len());
-                product(cotangent, ones, 1.0, matrix_mut(by_biases, width));
+                product(cotangent, ones, beta, matrix_mut(by_biases, width));
             }
         }
     }

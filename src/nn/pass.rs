@@ -138,17 +138,23 @@ impl<'a> Kept<'a> {
 }
 
 /// Writes to `sum` the total of what `add` adds for each chunk of `samples`, in their order, shared
-/// by as many threads as there are `rooms`.
-/// A thread's share starts from zero, as `add` itself must, so the bits are those of one thread.
+/// by as many threads as there are `rooms`. `add` adds a chunk's sum, from zero, to its last
+/// argument times the sum so far: 0 for a first chunk, whatever is there, and 1 for the others.
+/// A thread's share of a chunk is a first one, so the bits are those of one thread.
 pub(super) fn sum_over_chunks(
     samples: usize,
     rooms: &mut [Scratch],
     sum: &mut [f32],
-    add: impl Fn(Range<usize>, &mut Scratch, &mut [f32]) + Sync,
+    add: impl Fn(Range<usize>, &mut Scratch, &mut [f32], f32) + Sync,
 ) {
-    sum.fill(0.0);
+    if samples == 0 {
+        return sum.fill(0.0);
+    }
     if let [room] = rooms {
-        return chunks(samples).for_each(|chunk| add(chunk, room, sum));
+        return chunks(samples).for_each(|chunk| {
+            let beta = if chunk.start == 0 { 0.0 } else { 1.0 };
+            add(chunk, room, sum, beta);
+        });
     }
     let len = sum.len();
     let sum = InOrder::new(sum);
@@ -158,13 +164,16 @@ pub(super) fn sum_over_chunks(
         |room, (number, chunk)| {
             let mut share = mem::take(&mut room.share);
             let make = || {
-                share.clear();
                 share.resize(len, 0.0);
-                add(chunk, room, &mut share);
+                add(chunk, room, &mut share, 0.0);
                 share
             };
             room.share = sum.in_turn(number, make, |sum, share| {
-                sum.iter_mut().zip(&share).for_each(|(sum, x)| *sum += x);
+                if number == 0 {
+                    sum.copy_from_slice(&share);
+                } else {
+                    sum.iter_mut().zip(&share).for_each(|(sum, x)| *sum += x);
+                }
                 share
             });
         },
