@@ -6,14 +6,16 @@ use serde::de::DeserializeOwned;
 
 use super::{
     Axis, Block, ExperimentSpec, Overrides, Parameter, Settings, SpecErrors,
+    arguments::{self, AxisList},
     catalog::Catalog,
     check::{BLOCK_KEYS, check},
     combinations::Draft,
     error::SpecError,
+    layer::{self, Layer},
     layers,
     names::nearest_label,
     robots::{Robots, is_robots_alone},
-    source::{self, AxisList, Layer, Source},
+    source::Source,
 };
 use crate::fit::{self, Step};
 
@@ -24,16 +26,16 @@ pub(super) fn assemble(
     text: Option<&str>,
     overrides: &Overrides,
 ) -> Result<ExperimentSpec, SpecErrors> {
-    let (mut layers, mut errors) = source::files(path, text);
+    let (mut layers, mut errors) = layer::files(path, text);
     if layers.is_empty() {
         return Err(
             SpecErrors::none_or(errors).expect_err("a file that was not read has its error")
         );
     }
-    let (stronger, wrong) = source::overriding(overrides, text.is_none());
+    let (stronger, wrong) = arguments::overriding(overrides, text.is_none());
     layers.extend(stronger);
     errors.extend(wrong);
-    let (mut axes, wrong) = source::axis_lists(overrides);
+    let (mut axes, wrong) = arguments::axis_lists(overrides);
     errors.extend(wrong);
 
     let (parsed, slips): (Vec<_>, Vec<_>) = layers.iter().map(Layer::parse).unzip();
@@ -302,17 +304,15 @@ fn blocks(
     }
     // An argument that no block has would do nothing, and say nothing.
     for axis in axes.iter().filter(|axis| !had.contains(&axis.key)) {
-        errors.push(SpecError {
-            message: format!("no block of the matrix has the axis `{}`", axis.key),
-            place: axis.layer.place(0..0),
-            label: nearest_label(
+        errors.push(SpecError::new(
+            format!("no block of the matrix has the axis `{}`", axis.key),
+            axis.layer.place(0..0),
+            nearest_label(
                 "axis",
                 &axis.key,
                 BLOCK_KEYS.into_iter().chain(had.iter().map(String::as_str)),
             ),
-            help: None,
-            about: Vec::new(),
-        });
+        ));
     }
     blocks
 }

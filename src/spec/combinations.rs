@@ -4,8 +4,9 @@ use std::{mem, path::PathBuf};
 
 use super::{
     Algorithm, Axis, Block, ExperimentSpec, Parameter, ResolveError, Settings,
+    arguments::AxisList,
     error::{Place, SpecError},
-    source::{AxisList, Source, steps},
+    source::{Source, steps},
 };
 use crate::{
     env::{EnvId, Reward},
@@ -160,13 +161,11 @@ impl Draft<'_> {
             for source in
                 arguments.filter(|source| ways.iter().any(|way| source.span(way).is_some()))
             {
-                errors.push(SpecError {
-                    message: format!("`{parameter}` is an axis of the matrix, whose values win"),
-                    place: source.layer.place(0..0),
-                    label: Some(format!("`--axis {parameter}=...` replaces its list")),
-                    help: None,
-                    about: Vec::new(),
-                });
+                errors.push(SpecError::new(
+                    format!("`{parameter}` is an axis of the matrix, whose values win"),
+                    source.layer.place(0..0),
+                    Some(format!("`--axis {parameter}=...` replaces its list")),
+                ));
             }
         }
         errors
@@ -182,13 +181,7 @@ impl Draft<'_> {
             Some(file) => file.layer.place(0..0),
             None => Place::Layer("the specification".into()),
         };
-        SpecError {
-            message,
-            place,
-            label: None,
-            help: None,
-            about: Vec::new(),
-        }
+        SpecError::new(message, place, None)
     }
 
     fn at_matrix(&self, message: String) -> SpecError {

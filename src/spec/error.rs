@@ -39,6 +39,17 @@ pub struct SpecError {
 }
 
 impl SpecError {
+    /// The mistake `message` at `place`, with a label for the caret.
+    pub(super) fn new(message: impl Into<String>, place: Place, label: Option<String>) -> Self {
+        Self {
+            message: message.into(),
+            place,
+            label,
+            help: None,
+            about: Vec::new(),
+        }
+    }
+
     /// Line, counted from 1; absent where the place is no file.
     pub fn line(&self) -> Option<usize> {
         self.before().map(|before| before.matches('\n').count() + 1)

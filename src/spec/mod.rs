@@ -4,6 +4,7 @@
 //! of how runs are made or trained. Start at [`load`] and [`ExperimentSpec`]; the format is
 //! documented in `experiments/format.md`.
 
+mod arguments;
 mod assemble;
 mod catalog;
 mod check;
@@ -13,6 +14,7 @@ mod drawn;
 mod error;
 mod figure;
 mod key;
+mod layer;
 mod layers;
 mod measured;
 mod named;
@@ -25,6 +27,7 @@ mod selection;
 mod settings;
 mod slurm;
 mod source;
+mod syntax;
 
 use std::{
     collections::{BTreeMap, BTreeSet},

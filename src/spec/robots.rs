@@ -197,13 +197,7 @@ impl Described<'_> {
                 let in_model = in_model(&message, model);
                 let message = format!("MuJoCo refuses the model of `{}`: {message}", self.name);
                 match in_model {
-                    Some(place) => SpecError {
-                        message,
-                        place,
-                        label: None,
-                        help: None,
-                        about: Vec::new(),
-                    },
+                    Some(place) => SpecError::new(message, place, None),
                     None => self.error(&[Step::Key(MODEL.to_owned())], message, None),
                 }
             }
@@ -232,13 +226,7 @@ impl Described<'_> {
                 .find_map(|source| Some(source.layer.place(source.span(&way)?)))
         });
         let place = place.unwrap_or_else(|| Place::Layer(self.name.to_owned()));
-        SpecError {
-            message,
-            place,
-            label,
-            help: None,
-            about: Vec::new(),
-        }
+        SpecError::new(message, place, label)
     }
 }
 

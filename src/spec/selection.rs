@@ -6,9 +6,9 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};
 
 use super::{
     Algorithm, Key,
+    arguments::{pieces, value as parsed},
     named::Named,
     names::nearest_label,
-    source::{pieces, value as parsed},
 };
 use crate::{
     env::{EnvError, EnvId},

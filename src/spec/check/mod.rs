@@ -14,11 +14,13 @@ use toml::{
 
 use super::{
     Algorithm, Parameter,
+    arguments::AxisList,
     catalog::{Catalog, Refusal, Section},
     error::SpecError,
+    layer::Layer,
     names::{nearest, nearest_label},
     robots::{Robots, is_robots_alone},
-    source::{AxisList, Layer, Source, plain_value},
+    source::{Source, plain_value},
 };
 use crate::{
     env::{EnvError, EnvId},
