@@ -38,29 +38,7 @@ pub fn schema() -> Value {
             .collect(),
     );
 
-    let mut environment = settings.clone();
-    environment.insert("algorithms".into(), algorithms.clone());
-    let mut robot = environment.clone();
-    robot.extend(properties(
-        catalog.robot.schema(&[]).unwrap_or(&Value::Null),
-    ));
-    let robot = object(
-        "A robot of one's own, with settings and hyperparameters for it alone",
-        robot,
-    );
-    let environment = object(
-        "Settings and hyperparameters for one environment alone",
-        environment,
-    );
-    let environments = EnvId::known()
-        .map(|(name, _)| (name.to_owned(), environment.clone()))
-        .collect();
-    let mut environments = object(
-        "Settings by the environment's name, Gym's or the paper's, or one's own",
-        environments,
-    );
-    environments["patternProperties"] = json!({ (OWN): robot });
-
+    let environments = environments(&settings, &algorithms);
     let mut file = settings;
     let text = |description: &str| json!({ "type": "string", "description": description });
     file.insert(
@@ -90,36 +68,7 @@ pub fn schema() -> Value {
             &catalog.settings_table,
         ),
     ] {
-        let mut element = section.schema(&[]).cloned().unwrap_or_default();
-        let fields = &mut element["properties"];
-        fields["name"] = name("File name without extension");
-        // The types' own schemas allow any text; editors should offer the known names.
-        for (field, names) in [
-            ("y", Drawing::names().map(str::to_owned).collect()),
-            ("reference", Reference::known()),
-            ("columns", Key::known()),
-        ] {
-            fields
-                .get_mut(field)
-                .into_iter()
-                .for_each(|schema| one_of(schema, &names));
-        }
-        if let Some(axis) = fields
-            .get_mut("panels")
-            .and_then(|panels| panels["anyOf"].get_mut(0))
-        {
-            one_of(axis, &Key::known());
-        }
-        // Each kind of table has some of these fields.
-        for (field, names) in [
-            ("series", Key::known()),
-            ("rows", Key::known()),
-            ("show", Shown::known()),
-        ] {
-            let items = fields.get_mut(field).and_then(|list| list.get_mut("items"));
-            items.into_iter().for_each(|schema| one_of(schema, &names));
-        }
-        file.insert(key.into(), list(what, element));
+        file.insert(key.into(), list(what, shown(section)));
     }
     file.insert(
         "claims".into(),
@@ -137,6 +86,68 @@ pub fn schema() -> Value {
     // A file that extends another may leave its name and matrix to that.
     schema["anyOf"] = json!([{ "required": ["extends"] }, { "required": ["name", "matrix"] }]);
     schema
+}
+
+/// The tables of environments, those that ship and one's own: `settings`, and `algorithms` in each.
+fn environments(settings: &Map<String, Value>, algorithms: &Value) -> Value {
+    let catalog = Catalog::get();
+    let mut environment = settings.clone();
+    environment.insert("algorithms".into(), algorithms.clone());
+    let mut robot = environment.clone();
+    robot.extend(properties(
+        catalog.robot.schema(&[]).unwrap_or(&Value::Null),
+    ));
+    let robot = object(
+        "A robot of one's own, with settings and hyperparameters for it alone",
+        robot,
+    );
+    let environment = object(
+        "Settings and hyperparameters for one environment alone",
+        environment,
+    );
+    let environments = EnvId::known()
+        .map(|(name, _)| (name.to_owned(), environment.clone()))
+        .collect();
+    let mut environments = object(
+        "Settings by the environment's name, Gym's or the paper's, or one's own",
+        environments,
+    );
+    environments["patternProperties"] = json!({ (OWN): robot });
+    environments
+}
+
+/// A figure, a table of returns or one of settings, with the names that it can show.
+fn shown(section: &Section) -> Value {
+    let mut element = section.schema(&[]).cloned().unwrap_or_default();
+    let fields = &mut element["properties"];
+    fields["name"] = name("File name without extension");
+    // The types' own schemas allow any text; editors should offer the known names.
+    for (field, names) in [
+        ("y", Drawing::names().map(str::to_owned).collect()),
+        ("reference", Reference::known()),
+        ("columns", Key::known()),
+    ] {
+        fields
+            .get_mut(field)
+            .into_iter()
+            .for_each(|schema| one_of(schema, &names));
+    }
+    if let Some(axis) = fields
+        .get_mut("panels")
+        .and_then(|panels| panels["anyOf"].get_mut(0))
+    {
+        one_of(axis, &Key::known());
+    }
+    // Each kind of table has some of these fields.
+    for (field, names) in [
+        ("series", Key::known()),
+        ("rows", Key::known()),
+        ("show", Shown::known()),
+    ] {
+        let items = fields.get_mut(field).and_then(|list| list.get_mut("items"));
+        items.into_iter().for_each(|schema| one_of(schema, &names));
+    }
+    element
 }
 
 /// A block of the matrix: a list for every parameter.
