@@ -75,9 +75,27 @@ pub enum Fault {
     /// A key that is there twice, under two spellings.
     DoubleKey(&'static str),
     /// Neither a name nor a table, where one of them chooses.
-    NoChoice,
+    NoChoice {
+        /// The choices.
+        known: &'static [&'static str],
+    },
     /// A table that chooses nothing or several things.
-    NotOneChoice,
+    NotOneChoice {
+        /// The choices.
+        known: &'static [&'static str],
+    },
+    /// The name of a choice to which more belongs.
+    NameAlone {
+        /// The name.
+        name: String,
+        /// The keys of the table that belongs to it; none if a single value does.
+        keys: &'static [&'static str],
+    },
+    /// A choice to which nothing belongs, with something.
+    NoFields {
+        /// The name.
+        name: String,
+    },
     /// An objection of the type itself, which names its subject.
     Objection {
         /// The objection.
@@ -142,8 +160,12 @@ impl fmt::Display for Mistake {
             Fault::UnknownName { name, .. } => write!(f, "unknown name `{name}`"),
             Fault::MissingKey(key) => write!(f, "`{key}` is missing"),
             Fault::DoubleKey(key) => write!(f, "`{key}` is there twice"),
-            Fault::NoChoice => f.write_str("this is neither a name nor a table"),
-            Fault::NotOneChoice => f.write_str("this table does not hold exactly one choice"),
+            Fault::NoChoice { .. } => f.write_str("this is neither a name nor a table"),
+            Fault::NotOneChoice { .. } => {
+                f.write_str("this table does not hold exactly one choice")
+            }
+            Fault::NameAlone { name, .. } => write!(f, "more belongs to `{name}`"),
+            Fault::NoFields { name } => write!(f, "nothing belongs to `{name}`"),
             Fault::Objection { message, .. } | Fault::Other(message) => f.write_str(message),
         }
     }
@@ -223,11 +245,6 @@ fn in_words(found: Unexpected<'_>) -> String {
         Unexpected::Str(text) => format!("the string {text:?}"),
         Unexpected::Seq => "a list".to_owned(),
         Unexpected::Map => "a table".to_owned(),
-        Unexpected::Enum
-        | Unexpected::UnitVariant
-        | Unexpected::NewtypeVariant
-        | Unexpected::TupleVariant
-        | Unexpected::StructVariant => "this choice".to_owned(),
         other => other.to_string(),
     }
 }
@@ -243,8 +260,6 @@ fn kind(expected: &dyn Expected) -> String {
         "i8" | "i16" | "i32" | "i64" => "a whole number",
         "u8" | "u16" | "u32" | "u64" | "usize" => "a whole number, 0 or above",
         "a boolean" => "true or false",
-        "newtype variant" | "struct variant" => "a table with its fields",
-        "unit variant" => "its name alone, without fields",
         "a map" | "map" => "a table",
         "a sequence" => "a list",
         "path string" => "a string",

@@ -83,6 +83,7 @@ pub fn run(arguments: &ReproduceArguments) -> anyhow::Result<ExitCode> {
             differences.join(", ")
         );
     }
+    check_readable(path, manifest.as_ref())?;
     // A mesh beside a user's model may be gone, which says nothing about the run.
     run.spec
         .env
@@ -120,6 +121,28 @@ pub fn run(arguments: &ReproduceArguments) -> anyhow::Result<ExitCode> {
         None => format!("{id}: reproduced, {how}\n"),
     })?;
     Ok(ExitCode::from(code))
+}
+
+/// Checks what will be compared, so that damage is told before anything is trained.
+///
+/// # Errors
+///
+/// A table is damaged.
+fn check_readable(path: &Path, manifest: Option<&Manifest>) -> anyhow::Result<()> {
+    if path
+        .extension()
+        .is_some_and(|extension| extension == "parquet")
+    {
+        // Its columns show which table it is.
+        if rows::read_progress(path).is_err() {
+            rows::read_evaluations(path)?;
+        }
+    } else if path.is_dir()
+        && let Some(manifest) = manifest
+    {
+        manifest.check_tables(path)?;
+    }
+    Ok(())
 }
 
 /// The difference between `path`, a file or folder of a run, and its counterpart in `computed`.

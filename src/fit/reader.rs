@@ -56,31 +56,42 @@ impl<'de> Deserializer<'de> for Reader {
         visitor.visit_newtype_struct(self)
     }
 
-    fn deserialize_enum<V: Visitor<'de>>(
+    /// Reads a table by its keys; a list has none.
+    fn deserialize_struct<V: Visitor<'de>>(
         self,
         _name: &'static str,
-        _variants: &'static [&'static str],
+        _fields: &'static [&'static str],
         visitor: V,
     ) -> Result<V::Value, Mistake> {
         match self.0 {
-            Value::String(name) => {
-                let name: StringDeserializer<Mistake> = name.into_deserializer();
-                visitor.visit_enum(name)
-            }
+            Value::Array(_) => Err(Mistake::invalid_type(Unexpected::Seq, &"a map")),
+            _ => self.deserialize_any(visitor),
+        }
+    }
+
+    fn deserialize_enum<V: Visitor<'de>>(
+        self,
+        _name: &'static str,
+        variants: &'static [&'static str],
+        visitor: V,
+    ) -> Result<V::Value, Mistake> {
+        let (name, fields) = match self.0 {
+            Value::String(name) => (name, None),
             Value::Table(table) => {
                 let mut choices = table.into_iter();
                 match (choices.next(), choices.next()) {
-                    (Some((name, fields)), None) => visitor.visit_enum(Choice { name, fields }),
-                    _ => Err(Mistake::new(Fault::NotOneChoice)),
+                    (Some((name, fields)), None) => (name, Some(fields)),
+                    _ => return Err(Mistake::new(Fault::NotOneChoice { known: variants })),
                 }
             }
-            _ => Err(Mistake::new(Fault::NoChoice)),
-        }
+            _ => return Err(Mistake::new(Fault::NoChoice { known: variants })),
+        };
+        visitor.visit_enum(Choice { name, fields })
     }
 
     forward_to_deserialize_any! {
         bool i8 i16 i32 i64 i128 u8 u16 u32 u64 u128 f32 f64 char str string bytes byte_buf
-        unit unit_struct seq tuple tuple_struct map struct identifier ignored_any
+        unit unit_struct seq tuple tuple_struct map identifier ignored_any
     }
 }
 
@@ -147,10 +158,27 @@ impl<'de> MapAccess<'de> for Fields {
     }
 }
 
-/// A choice that a table makes: a name, and what belongs to it.
+/// A choice: a name, and what belongs to it where it is made by a table.
 struct Choice {
     name: String,
-    fields: Value,
+    fields: Option<Value>,
+}
+
+impl Choice {
+    /// What belongs to the choice, with its name.
+    ///
+    /// # Errors
+    ///
+    /// There is only a name.
+    fn taken_apart(self, keys: &'static [&'static str]) -> Result<(Value, String), Mistake> {
+        match self.fields {
+            Some(fields) => Ok((fields, self.name)),
+            None => Err(Mistake::new(Fault::NameAlone {
+                name: self.name,
+                keys,
+            })),
+        }
+    }
 }
 
 impl<'de> EnumAccess<'de> for Choice {
@@ -159,9 +187,14 @@ impl<'de> EnumAccess<'de> for Choice {
 
     fn variant_seed<V: DeserializeSeed<'de>>(self, seed: V) -> Result<(V::Value, Self), Mistake> {
         let name: StringDeserializer<Mistake> = self.name.clone().into_deserializer();
-        let variant = seed
-            .deserialize(name)
-            .map_err(|mistake| mistake.under(Step::Key(self.name.clone())))?;
+        let variant = seed.deserialize(name).map_err(|mistake| {
+            // The name is a key of the table, or the whole value.
+            if self.fields.is_some() {
+                mistake.under(Step::Key(self.name.clone()))
+            } else {
+                mistake
+            }
+        })?;
         Ok((variant, self))
     }
 }
@@ -171,32 +204,33 @@ impl<'de> VariantAccess<'de> for Choice {
 
     fn unit_variant(self) -> Result<(), Mistake> {
         match self.fields {
-            Value::Table(fields) if fields.is_empty() => Ok(()),
-            _ => Err(Mistake::invalid_type(
-                Unexpected::StructVariant,
-                &"unit variant",
-            )),
+            None => Ok(()),
+            Some(Value::Table(fields)) if fields.is_empty() => Ok(()),
+            Some(_) => Err(Mistake::new(Fault::NoFields { name: self.name })),
         }
     }
 
     fn newtype_variant_seed<T: DeserializeSeed<'de>>(self, seed: T) -> Result<T::Value, Mistake> {
-        seed.deserialize(Reader(self.fields))
-            .map_err(|mistake| mistake.under(Step::Key(self.name)))
+        let (value, name) = self.taken_apart(&[])?;
+        seed.deserialize(Reader(value))
+            .map_err(|mistake| mistake.under(Step::Key(name)))
     }
 
     fn tuple_variant<V: Visitor<'de>>(self, _n: usize, visitor: V) -> Result<V::Value, Mistake> {
-        Reader(self.fields)
+        let (value, name) = self.taken_apart(&[])?;
+        Reader(value)
             .deserialize_any(visitor)
-            .map_err(|mistake| mistake.under(Step::Key(self.name)))
+            .map_err(|mistake| mistake.under(Step::Key(name)))
     }
 
     fn struct_variant<V: Visitor<'de>>(
         self,
-        _fields: &'static [&'static str],
+        fields: &'static [&'static str],
         visitor: V,
     ) -> Result<V::Value, Mistake> {
-        Reader(self.fields)
-            .deserialize_any(visitor)
-            .map_err(|mistake| mistake.under(Step::Key(self.name)))
+        let (value, name) = self.taken_apart(fields)?;
+        Reader(value)
+            .deserialize_struct("", fields, visitor)
+            .map_err(|mistake| mistake.under(Step::Key(name)))
     }
 }

@@ -160,11 +160,12 @@ impl Section {
     fn check_whole(&self, path: &[&str], value: &Spanned<DeValue<'_>>) -> Result<(), Refusal> {
         let Some(plain) = plain_value(value) else {
             // All else that the parser lets pass is a value.
-            let (number, span) = too_large(value).unwrap_or(("a number".to_owned(), value.span()));
+            let (number, expected, span) =
+                too_large(value).unwrap_or(("a number".to_owned(), "a smaller one", value.span()));
             return Err(Refusal {
                 message: format!("{number} is out of range"),
                 says_all: false,
-                label: Some("expected a whole number that fits in 64 bits".to_owned()),
+                label: Some(format!("expected {expected}")),
                 span,
             });
         };
@@ -172,7 +173,12 @@ impl Section {
         put(&mut candidate, path, plain);
         (self.read)(candidate).map_err(|Mistake { fault, way }| {
             let (message, label) = words(&fault);
-            let is_name = matches!(fault, Fault::UnknownKey { .. } | Fault::UnknownName { .. });
+            let name = match &fault {
+                Fault::UnknownKey { key: name, .. } | Fault::UnknownName { name, .. } => {
+                    Some(name.as_str())
+                }
+                _ => None,
+            };
             Refusal {
                 message,
                 says_all: matches!(fault, Fault::Objection { .. }),
@@ -180,7 +186,7 @@ impl Section {
                 // A mistake outside of the value is one of the value too.
                 span: way
                     .get(path.len()..)
-                    .map_or(value.span(), |way| span(value, way, is_name)),
+                    .map_or(value.span(), |way| span(value, way, name)),
             }
         })
     }
@@ -282,12 +288,18 @@ fn table<T: Serialize>(value: &T) -> toml::Table {
     toml::Table::try_from(value).expect("our own types are TOML")
 }
 
-/// A whole number in `value` beyond 64 bits, as it is written, and its bytes.
-fn too_large(value: &Spanned<DeValue<'_>>) -> Option<(String, Range<usize>)> {
+/// A number in `value` that no type holds, as it is written, with what would do, and its bytes.
+fn too_large(value: &Spanned<DeValue<'_>>) -> Option<(String, &'static str, Range<usize>)> {
     match value.get_ref() {
         DeValue::Integer(number) => {
             let fits = i64::from_str_radix(number.as_str(), number.radix()).is_ok();
-            (!fits).then(|| (number.to_string(), value.span()))
+            let expected = "a whole number that fits in 64 bits, or one with a point";
+            (!fits).then(|| (number.to_string(), expected, value.span()))
+        }
+        DeValue::Float(number) => {
+            let fits = plain_value(value).is_some();
+            let expected = "a number that is not beyond 1.8e308";
+            (!fits).then(|| (number.to_string(), expected, value.span()))
         }
         DeValue::Array(elements) => elements.iter().find_map(too_large),
         DeValue::Table(table) => table.values().find_map(too_large),
@@ -296,17 +308,19 @@ fn too_large(value: &Spanned<DeValue<'_>>) -> Option<(String, Range<usize>)> {
 }
 
 /// The bytes of what is at the end of `way` in `value`, or of the last that is there on the way; of
-/// its key, if `is_name` and it has one.
-fn span(value: &Spanned<DeValue<'_>>, way: &[Step], is_name: bool) -> Range<usize> {
-    let Some((step, rest)) = way.split_first() else {
-        return value.span();
+/// the key `name`, if that is there.
+fn span(value: &Spanned<DeValue<'_>>, way: &[Step], name: Option<&str>) -> Range<usize> {
+    let key = |name| {
+        let table = value.get_ref().as_table()?;
+        table.get_key_value(name).map(|(key, _)| key.span())
     };
-    if let (Step::Key(key), [], true) = (step, rest, is_name) {
-        let table = value.get_ref().as_table();
-        let key = table.and_then(|table| table.get_key_value(key.as_str()));
-        return key.map_or(value.span(), |(key, _)| key.span());
+    match way {
+        [] => name.and_then(key).unwrap_or(value.span()),
+        [Step::Key(last)] if name == Some(last) => key(last).unwrap_or(value.span()),
+        [step, rest @ ..] => {
+            inner(step, value).map_or(value.span(), |inner| span(inner, rest, name))
+        }
     }
-    inner(step, value).map_or(value.span(), |inner| span(inner, rest, is_name))
 }
 
 /// Puts `value` at `path`, making tables on the way.

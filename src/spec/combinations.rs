@@ -17,6 +17,9 @@ use crate::{
 /// and 310 MB (AMD EPYC, 2.6 GHz).
 const MOST_RUNS: usize = 20_000;
 
+/// The most episodes of an evaluation, which keeps all of them in memory.
+const MOST_EPISODES: u64 = 1_000_000;
+
 /// The most steps of a rollout: of Ant's steps, this many fill the memory of a large machine.
 const MOST_ROLLOUT_STEPS: u64 = 1 << 26;
 
@@ -314,6 +317,21 @@ fn conflicts(env: EnvId, settings: &Settings, algorithm: &Algorithm) -> Vec<Conf
             "expected `rollout.steps` of at most 67108864",
             vec![setting("rollout.steps")],
         );
+    }
+    for (key, episodes) in [
+        ("evaluation.episodes", settings.evaluation.episodes.get()),
+        (
+            "evaluation.final_episodes",
+            settings.evaluation.final_episodes.get(),
+        ),
+    ] {
+        if episodes > MOST_EPISODES {
+            conflict(
+                format!("{episodes} episodes of one evaluation do not end in time"),
+                "expected 1000000 at most",
+                vec![setting(key)],
+            );
+        }
     }
     // Rollouts are whole, so training would go on beyond such a budget.
     if budget < steps {

@@ -51,7 +51,14 @@ pub(super) fn nearest_label<'a>(
     } else {
         format!(", and {} more", others.len())
     };
-    (!most.is_empty()).then(|| format!("the known ones are {}{more}", list(most.iter().copied())))
+    match most {
+        [] => None,
+        [only] => Some(format!("the only one is `{only}`")),
+        _ => Some(format!(
+            "the known ones are {}{more}",
+            list(most.iter().copied())
+        )),
+    }
 }
 
 /// Joins names as in "`a`, `b` and `c`".
@@ -82,13 +89,28 @@ pub(super) fn words(fault: &Fault) -> (String, Option<String>) {
             Some(format!("write `{key} = ...`")),
         ),
         Fault::DoubleKey(key) => (format!("`{key}` is there twice"), None),
-        Fault::NoChoice => (
+        Fault::NoChoice { known } => (
             "this is neither a name nor a table".to_owned(),
-            expected("a name, or a table with one name and its fields"),
+            expected(&one_of(known)),
         ),
-        Fault::NotOneChoice => (
+        Fault::NotOneChoice { known } => (
             "this table does not hold exactly one choice".to_owned(),
-            expected("a name, or a table with one name and its fields"),
+            expected(&one_of(known)),
+        ),
+        Fault::NameAlone { name, keys: [] } => (
+            format!("more belongs to `{name}`"),
+            Some(format!("write `{{ {name} = ... }}`")),
+        ),
+        Fault::NameAlone { name, keys } => (
+            format!("more belongs to `{name}`"),
+            Some(format!(
+                "write `{{ {name} = {{ ... }} }}` with {}",
+                list(keys.iter().copied())
+            )),
+        ),
+        Fault::NoFields { name } => (
+            format!("nothing belongs to `{name}`"),
+            Some(format!("write `\"{name}\"` alone")),
         ),
         Fault::Objection { message, label } => (message.clone(), label.clone()),
         Fault::Other(message) => (message.clone(), None),
@@ -99,11 +121,19 @@ pub(super) fn words(fault: &Fault) -> (String, Option<String>) {
 fn unknown(what: &str, wrong: &str, known: &[&str]) -> (String, Option<String>) {
     let label = nearest(wrong, known.iter().copied())
         .map(|nearest| format!("the nearest known {what} is `{nearest}`"));
-    let known = list(known.iter().copied());
-    (
-        format!("unknown {what} `{wrong}`; the known ones are {known}"),
-        label,
-    )
+    let known = match known {
+        [only] => format!("the only one is `{only}`"),
+        _ => format!("the known ones are {}", list(known.iter().copied())),
+    };
+    (format!("unknown {what} `{wrong}`; {known}"), label)
+}
+
+/// Choices, as in "one of `dense` and `sparse1`".
+fn one_of(known: &[&str]) -> String {
+    match known {
+        [only] => format!("`{only}`"),
+        _ => format!("one of {}", list(known.iter().copied())),
+    }
 }
 
 #[cfg(test)]
@@ -209,22 +239,27 @@ mod tests {
             (
                 "choice = 3",
                 "this is neither a name nor a table",
-                "expected a name, or a table with one name and its fields",
+                "expected one of `demo_states`, `rollout` and `sparse`",
             ),
             (
                 "choice = {}",
                 "this table does not hold exactly one choice",
-                "expected a name, or a table with one name and its fields",
+                "expected one of `demo_states`, `rollout` and `sparse`",
             ),
             (
                 "choice = 'sparse'",
-                "this choice does not belong here",
-                "expected a table with its fields",
+                "more belongs to `sparse`",
+                "write `{ sparse = { ... } }` with `distance` and `mode`",
             ),
             (
                 "choice.rollout = { a = 1 }",
-                "this choice does not belong here",
-                "expected its name alone, without fields",
+                "nothing belongs to `rollout`",
+                "write `\"rollout\"` alone",
+            ),
+            (
+                "choice.sparse = [1.0, 2]",
+                "a list does not belong here",
+                "expected a table",
             ),
             (
                 "whole = 2.5",

@@ -56,7 +56,7 @@ impl Robots {
                 name: &name,
                 sources,
             };
-            let missing = described.missing(&table);
+            let missing = described.missing();
             let found = if missing.is_empty() {
                 match fit::read(table.into()) {
                     Ok(robot) => described.environment(robot),
@@ -163,11 +163,17 @@ impl Described<'_> {
         EnvId::of_robot(self.name, robot).map_err(|error| vec![self.located(error, &model)])
     }
 
-    /// The required keys that `table` lacks.
-    fn missing(&self, table: &toml::Table) -> Vec<SpecError> {
+    /// The required keys that are nowhere written.
+    fn missing(&self) -> Vec<SpecError> {
         let required = Catalog::get().robot.required();
+        let is_written = |key: &str| {
+            let way = ["environments", self.name, key].map(|key| Step::Key(key.to_owned()));
+            self.sources
+                .iter()
+                .any(|source| source.span(&way).is_some())
+        };
         required
-            .filter(|key| !table.contains_key(*key))
+            .filter(|key| !is_written(key))
             .map(|key| {
                 let message = format!("the robot `{}` has no `{key}`", self.name);
                 self.error(&[], message, Some(format!("write `{key} = ...`")))

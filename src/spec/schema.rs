@@ -50,13 +50,12 @@ pub fn schema() -> Value {
         "extends".into(),
         text("A weaker file, relative to this one, whose keys apply where this one is silent"),
     );
-    file.insert(
-        "matrix".into(),
-        list(
-            "Blocks; every combination of a block's lists is one run",
-            block(),
-        ),
+    let mut matrix = list(
+        "Blocks; every combination of a block's lists is one run",
+        block(),
     );
+    matrix["minItems"] = json!(1);
+    file.insert("matrix".into(), matrix);
     file.insert("algorithms".into(), algorithms);
     file.insert("environments".into(), environments);
     for (key, what, section) in [

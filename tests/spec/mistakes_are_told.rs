@@ -66,6 +66,10 @@ pub const MISTAKES: &[(&str, &[Told])] = &[
         )],
     ),
     (
+        "choice_that_is_its_name_alone",
+        &[(2, 10, "more belongs to `sparse2`", "`distance`")],
+    ),
+    (
         "claim_of_a_demonstrations_column",
         &[(15, 8, "a demonstration has a return, but no `mmd`", "")],
     ),
@@ -172,6 +176,10 @@ pub const MISTAKES: &[(&str, &[Told])] = &[
     ("duplicate_key", &[(5, 1, "duplicate key", "")]),
     ("empty_list", &[(7, 13, "the list of `seed` is empty", "")]),
     (
+        "empty_matrix",
+        &[(2, 10, "`matrix` is empty", "write a `[[matrix]]` block")],
+    ),
+    (
         "environment_twice",
         &[(8, 29, "lists InvertedPendulum-v2 twice", "")],
     ),
@@ -227,6 +235,10 @@ pub const MISTAKES: &[(&str, &[Told])] = &[
     (
         "list_for_a_table",
         &[(3, 1, "`budget` cannot be a list", "")],
+    ),
+    (
+        "list_for_the_fields_of_a_choice",
+        &[(2, 22, "a list does not belong here", "expected a table")],
     ),
     (
         "many_mistakes",
@@ -367,6 +379,10 @@ pub const MISTAKES: &[(&str, &[Told])] = &[
         )],
     ),
     (
+        "number_beyond_any",
+        &[(2, 35, "1e400 is out of range", "not beyond 1.8e308")],
+    ),
+    (
         "number_that_is_none",
         &[(
             12,
@@ -397,7 +413,7 @@ pub const MISTAKES: &[(&str, &[Told])] = &[
             12,
             10,
             "this table does not hold exactly one choice",
-            "a table with one name",
+            "one of `dense`, `sparse1`",
         )],
     ),
     (
@@ -448,6 +464,10 @@ pub const MISTAKES: &[(&str, &[Told])] = &[
     (
         "table_with_an_unknown_reference",
         &[(16, 13, "unknown reference `tabel5`", "`table5`")],
+    ),
+    (
+        "too_many_episodes",
+        &[(2, 23, "episodes of one evaluation", "1000000 at most")],
     ),
     (
         "two_claims_of_one_name",
@@ -537,6 +557,10 @@ pub const MISTAKES: &[(&str, &[Told])] = &[
     (
         "windows_line_ends",
         &[(12, 1, "unknown key `max_klp` of `mcpo`", "`max_kl`")],
+    ),
+    (
+        "wrong_name_inside_a_choice",
+        &[(2, 47, "unknown name `beyon`", "`beyond`")],
     ),
     (
         "wrong_type",

@@ -330,7 +330,8 @@ fn has_version(name: &str) -> bool {
 }
 
 /// Mistakes that only the whole of a file shows, or that are no matter of types.
-const BEYOND_A_SCHEMA: [&str; 22] = [
+const BEYOND_A_SCHEMA: [&str; 23] = [
+    "too_many_episodes",
     "names_of_other_files",
     "claim_of_a_demonstrations_column",
     "claim_of_unknown_runs",

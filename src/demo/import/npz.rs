@@ -50,6 +50,8 @@ struct Member {
     compressed_size: usize,
     /// The offset of its own header.
     offset: usize,
+    /// The CRC-32 of its bytes, decompressed.
+    checksum: usize,
 }
 
 fn u16_at(bytes: &[u8], at: usize) -> Option<u16> {
@@ -90,14 +92,15 @@ fn directory(file: &[u8]) -> Result<Vec<(String, Member)>, NpzError> {
             let lengths =
                 [u16_at(entry, 28)?, u16_at(entry, 30)?, u16_at(entry, 32)?].map(usize::from);
             let name = String::from_utf8_lossy(entry.get(46..46 + lengths[0])?).into_owned();
-            let (method, compressed_size, offset) =
-                (u16_at(entry, 10)?, u32_at(entry, 20)?, u32_at(entry, 42)?);
+            let (method, checksum) = (u16_at(entry, 10)?, u32_at(entry, 16)?);
+            let (compressed_size, offset) = (u32_at(entry, 20)?, u32_at(entry, 42)?);
             Some((
                 name,
                 Member {
                     method,
                     compressed_size,
                     offset,
+                    checksum,
                 },
                 46 + lengths.iter().sum::<usize>(),
             ))
@@ -119,10 +122,17 @@ fn unfolded(file: &[u8], member: Member) -> Result<Vec<u8>, MemberError> {
         header.get(start..)?.get(..member.compressed_size)
     };
     let stored = stored().ok_or(MemberError::Outside)?;
-    match member.method {
-        0 => Ok(unfold(stored)?),
-        8 => Ok(unfold(flate2::read::DeflateDecoder::new(stored))?),
-        other => Err(MemberError::Method(other)),
+    let bytes = match member.method {
+        0 => unfold(stored)?,
+        8 => unfold(flate2::read::DeflateDecoder::new(stored))?,
+        other => return Err(MemberError::Method(other)),
+    };
+    let mut crc = flate2::Crc::new();
+    crc.update(&bytes);
+    if crc.sum() as usize == member.checksum {
+        Ok(bytes)
+    } else {
+        Err(MemberError::Checksum)
     }
 }
 

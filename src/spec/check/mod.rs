@@ -188,6 +188,15 @@ impl<'a> Checker<'a> {
                     this.wrong_type(value, "`extends`", "the name of a file")
                 }
                 "extends" => {}
+                "matrix"
+                    if value
+                        .get_ref()
+                        .as_array()
+                        .is_some_and(|blocks| blocks.is_empty()) =>
+                {
+                    let label = "write a `[[matrix]]` block".to_owned();
+                    this.wrong(value.span(), "`matrix` is empty", Some(label));
+                }
                 "matrix" => {
                     this.tables(value, "matrix", |this, block, span| this.block(block, span))
                 }

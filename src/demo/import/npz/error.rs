@@ -33,6 +33,9 @@ pub enum MemberError {
     /// Its compression is damaged, or a bomb.
     #[error("cannot be unpacked: {0}")]
     Unfold(#[from] UnfoldError),
+    /// Its bytes are not those that were written.
+    #[error("is damaged: its bytes do not have the archive's checksum")]
+    Checksum,
     /// It does not begin as an array.
     #[error("is not an .npy array")]
     NotNpy,

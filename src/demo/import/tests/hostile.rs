@@ -259,6 +259,11 @@ fn hostile_archives_are_refused_by_what_is_wrong_with_them() {
     // 300 MiB of zeros in 300 kB.
     let bomb = with(&npy("'|u1'", false, "(314572800, 1)", &vec![0; 300 << 20]));
     assert!(bomb.len() < 1 << 20 && refusal(&bomb).contains("unpacks to more"));
+    // A stored number that has changed is seen by the archive's checksum alone.
+    let whole = fs::read(reference("import_imitation.npz")).expect("a reference");
+    let mut flipped = whole;
+    flipped[400] ^= 1;
+    assert!(refusal(&flipped).contains("do not have the archive's checksum"));
     // Bytes that come highest first are numbers too.
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("big.npz");

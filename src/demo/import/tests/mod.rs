@@ -42,11 +42,14 @@ fn archive(members: &[(&str, &[u8])]) -> Vec<u8> {
             [deflated.len(), bytes.len()].map(|n| (n as u32).to_le_bytes()),
             name.len() as u16,
         );
-        // Versions and flags, the method, time and date and check sum, which nobody asks for; then
+        let mut crc = flate2::Crc::new();
+        crc.update(bytes);
+        // Versions and flags, the method, time and date, which nobody asks for; then the checksum,
         // sizes and lengths.
         let common = [
             &[20, 0, 0, 0, 8, 0],
-            &[0; 8][..],
+            &[0; 4][..],
+            &crc.sum().to_le_bytes(),
             &lengths.concat(),
             &name_length.to_le_bytes(),
             &[0, 0],
