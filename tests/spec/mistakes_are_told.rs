@@ -422,7 +422,7 @@ pub const MISTAKES: &[(&str, &[Told])] = &[
             12,
             10,
             "this is neither a name nor a table",
-            "expected a name",
+            "expected one of `dense`",
         )],
     ),
     (
