@@ -30,7 +30,29 @@ pub fn product(
     Arch::new().dispatch(Product {
         a,
         right: Right::Plain(b),
+        start: Zero,
         beta,
+        c,
+    });
+}
+
+/// `c = start + a b`, each chain going on from the element of `start`: with the chains that a product
+/// of other inner indices left there, the bits are those of one product over all of them. Shapes
+/// `[m x k] [k x n] [m x n]`.
+pub fn product_onto(
+    start: DMatrixView<'_, f32>,
+    a: DMatrixView<'_, f32>,
+    b: DMatrixView<'_, f32>,
+    c: DMatrixViewMut<'_, f32>,
+) {
+    assert_eq!(a.ncols(), b.nrows(), "inner dimensions of a product");
+    assert_eq!(c.shape(), (a.nrows(), b.ncols()), "the shape of a product");
+    assert_eq!(c.shape(), start.shape(), "the shape of a product's start");
+    Arch::new().dispatch(Product {
+        a,
+        right: Right::Plain(b),
+        start,
+        beta: 0.0,
         c,
     });
 }
@@ -58,6 +80,7 @@ pub fn product_nt(
     Arch::new().dispatch(Product {
         a,
         right: Right::Transposed(b),
+        start: Zero,
         beta,
         c,
     });
@@ -80,6 +103,7 @@ pub fn product_nt_and_sum(
     Arch::new().dispatch(Product {
         a,
         right: Right::TransposedAndOnes(b),
+        start: Zero,
         beta,
         c,
     });
@@ -95,14 +119,60 @@ enum Right<'a> {
     TransposedAndOnes(DMatrixView<'a, f32>),
 }
 
-struct Product<'a> {
+/// Where the chains of a product start.
+trait Start {
+    /// The numbers at `rows` of the N columns from `column` on, of which `last` is the last that
+    /// exists.
+    fn tile<S: Simd, const V: usize, const N: usize>(
+        &self,
+        simd: S,
+        rows: &Range<usize>,
+        column: usize,
+        last: usize,
+    ) -> [[S::f32s; V]; N];
+}
+
+struct Zero;
+
+impl Start for Zero {
+    #[inline(always)]
+    fn tile<S: Simd, const V: usize, const N: usize>(
+        &self,
+        simd: S,
+        _: &Range<usize>,
+        _: usize,
+        _: usize,
+    ) -> [[S::f32s; V]; N] {
+        [[simd.splat_f32s(0.0); V]; N]
+    }
+}
+
+impl Start for DMatrixView<'_, f32> {
+    #[inline(always)]
+    fn tile<S: Simd, const V: usize, const N: usize>(
+        &self,
+        simd: S,
+        rows: &Range<usize>,
+        column: usize,
+        last: usize,
+    ) -> [[S::f32s; V]; N] {
+        let mut start = [[simd.splat_f32s(0.0); V]; N];
+        for (j, start) in start.iter_mut().enumerate() {
+            *start = load::<S, V>(simd, &column_of(self, column + j.min(last))[rows.clone()]);
+        }
+        start
+    }
+}
+
+struct Product<'a, F> {
     a: DMatrixView<'a, f32>,
     right: Right<'a>,
+    start: F,
     beta: f32,
     c: DMatrixViewMut<'a, f32>,
 }
 
-impl WithSimd for Product<'_> {
+impl<F: Start> WithSimd for Product<'_, F> {
     type Output = ();
 
     #[inline(always)]
@@ -117,7 +187,7 @@ impl WithSimd for Product<'_> {
     }
 }
 
-impl Product<'_> {
+impl<F: Start> Product<'_, F> {
     /// Computes tiles of `V` vectors by `N` columns.
     /// At the lower edge they have one vector, maybe a partial one; at the right edge some columns
     /// are computed twice.
@@ -162,23 +232,24 @@ impl Product<'_> {
         (column, width): (usize, usize),
     ) {
         let (rows, last) = (row..row + height, width - 1);
+        let start = self.start.tile::<S, V, N>(simd, &rows, column, last);
         let sums = match &self.right {
             Right::Plain(b) => {
                 let columns: [&[f32]; N] =
                     array::from_fn(|j| &column_of(b, column + j.min(last))[..self.a.ncols()]);
-                sums::<S, V, N>(simd, &self.a, &rows, |l| {
+                sums::<S, V, N>(simd, start, &self.a, &rows, |l| {
                     array::from_fn(|j| simd.splat_f32s(columns[j][l]))
                 })
             }
             Right::Transposed(b) | Right::TransposedAndOnes(b) if column + N <= b.nrows() => {
-                sums::<S, V, N>(simd, &self.a, &rows, |l| {
+                sums::<S, V, N>(simd, start, &self.a, &rows, |l| {
                     let numbers = &column_of(b, l)[column..column + N];
                     array::from_fn(|j| simd.splat_f32s(numbers[j]))
                 })
             }
             // This is at the right edge: the column after `b`'s last is the ones.
             Right::Transposed(b) | Right::TransposedAndOnes(b) => {
-                sums::<S, V, N>(simd, &self.a, &rows, |l| {
+                sums::<S, V, N>(simd, start, &self.a, &rows, |l| {
                     let numbers = &column_of(b, l)[column..];
                     array::from_fn(|j| {
                         simd.splat_f32s(numbers.get(j.min(last)).copied().unwrap_or(1.0))
@@ -199,15 +270,16 @@ impl Product<'_> {
     }
 }
 
-/// The sums over l of `a`'s `rows` in column l times each of the N numbers that `right` has for l.
+/// The sums, from `sums` on, over l of `a`'s `rows` in column l times each of the N numbers that
+/// `right` has for l.
 #[inline(always)]
 fn sums<S: Simd, const V: usize, const N: usize>(
     simd: S,
+    mut sums: [[S::f32s; V]; N],
     a: &DMatrixView<'_, f32>,
     rows: &Range<usize>,
     right: impl Fn(usize) -> [S::f32s; N],
 ) -> [[S::f32s; V]; N] {
-    let mut sums = [[simd.splat_f32s(0.0); V]; N];
     for l in 0..a.ncols() {
         let left = load::<S, V>(simd, &column_of(a, l)[rows.clone()]);
         let right = right(l);

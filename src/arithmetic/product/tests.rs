@@ -131,6 +131,30 @@ fn bits_of_a_column_do_not_depend_on_how_many_pass_together() {
     }
 }
 
+#[test]
+fn a_product_that_goes_on_from_another_has_the_bits_of_one() {
+    for (m, k, n) in [(240, 23, 16), (17, 9, 5), (48, 30, 1), (6, 2, 13)] {
+        let (a, b) = (matrix(m, k, 1), matrix(k, n, 2));
+        let (mut whole, mut start) = (DMatrix::zeros(m, n), DMatrix::zeros(m, n));
+        product(a.as_view(), b.as_view(), 0.0, whole.as_view_mut());
+        let first = k / 2;
+        product(
+            a.columns_range(..first),
+            b.rows_range(..first),
+            0.0,
+            start.as_view_mut(),
+        );
+        let mut rest = DMatrix::from_element(m, n, f32::NAN);
+        product_onto(
+            start.as_view(),
+            a.columns_range(first..),
+            b.rows_range(first..),
+            rest.as_view_mut(),
+        );
+        assert_eq!(rest, whole, "{m} x {k} x {n}");
+    }
+}
+
 #[cfg(target_arch = "x86_64")]
 #[test]
 fn bits_do_not_depend_on_the_width_of_registers() {
@@ -146,6 +170,7 @@ fn bits_do_not_depend_on_the_width_of_registers() {
             Product {
                 a: a.as_view(),
                 right,
+                start: Zero,
                 beta: 1.0,
                 c: with_narrow.as_view_mut(),
             },
