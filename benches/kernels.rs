@@ -119,13 +119,17 @@ fn mmd(criterion: &mut Criterion) {
             &points,
         );
         let target = Target::new(points, kernel, Estimator::V);
-        let mut gradient = DMatrix::zeros(OBSERVATION + ACTION, n);
+        let actions = samples.rows(OBSERVATION, ACTION).into_owned();
+        let mut gradient = DMatrix::zeros(ACTION, n);
         group.throughput(Throughput::Elements(n as u64));
         group.bench_function(BenchmarkId::new("value", n), |bencher| {
             bencher.iter(|| target.mmd_squared(&samples))
         });
-        group.bench_function(BenchmarkId::new("gradient", n), |bencher| {
-            bencher.iter(|| target.mmd_squared_gradient(&samples, &mut gradient));
+        group.bench_function(BenchmarkId::new("value at its states", n), |bencher| {
+            bencher.iter(|| target.mmd_squared_at_states(&actions))
+        });
+        group.bench_function(BenchmarkId::new("gradient at its states", n), |bencher| {
+            bencher.iter(|| target.mmd_squared_at_states_gradient(&actions, &mut gradient));
         });
     }
 }

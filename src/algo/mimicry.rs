@@ -81,8 +81,6 @@ pub struct Mimicry {
     /// Raw observations of the demonstration `[observation_dim x m]`, for the policy.
     observations: DMatrix<f64>,
     standardizer: Standardizer,
-    /// The observations in the kernel's units.
-    states: DMatrix<f32>,
     target: Target,
     state: State,
     pass: Pass,
@@ -141,7 +139,6 @@ impl Mimicry {
         Self {
             observations: demonstration.observations.clone(),
             standardizer,
-            states,
             target: Target::new(points, kernel, hyperparameters.estimator),
             hyperparameters,
             state: State { value, critic },
@@ -267,9 +264,13 @@ impl Mimicry {
 
     /// MMD^2 between the demonstration and the mean action 0 at its states.
     pub fn of_doing_nothing(&self) -> f64 {
-        let Self { states, target, .. } = self;
-        let action_dim = target.dim() - states.nrows();
-        target.mmd_squared(&stack(states, &DMatrix::zeros(action_dim, states.ncols())))
+        let Self {
+            observations,
+            target,
+            ..
+        } = self;
+        let action_dim = target.dim() - observations.nrows();
+        target.mmd_squared_at_states(&DMatrix::zeros(action_dim, observations.ncols()))
     }
 
     /// Everything that the next measurement depends on.
@@ -295,22 +296,14 @@ impl Mimicry {
         inputs: &DMatrix<f32>,
         gradient: Option<&mut [f32]>,
     ) -> f64 {
-        let Self {
-            states,
-            target,
-            pass,
-            ..
-        } = self;
+        let Self { target, pass, .. } = self;
         policy.forward(inputs, pass);
-        let points = stack(states, &pass.output().into_owned());
+        let actions = pass.output().into_owned();
         match gradient {
-            None => target.mmd_squared(&points),
+            None => target.mmd_squared_at_states(&actions),
             Some(gradient) => {
-                let mut point_gradient = DMatrix::zeros(points.nrows(), points.ncols());
-                let mmd = target.mmd_squared_gradient(&points, &mut point_gradient);
-                let cotangent = point_gradient
-                    .rows(states.nrows(), points.nrows() - states.nrows())
-                    .into_owned();
+                let mut cotangent = DMatrix::zeros(actions.nrows(), actions.ncols());
+                let mmd = target.mmd_squared_at_states_gradient(&actions, &mut cotangent);
                 policy.mean_gradient(inputs, pass, &cotangent, gradient);
                 mmd
             }
@@ -328,10 +321,10 @@ pub(super) fn operations(
     let &Counter { n, m, policy, .. } = counter;
     let work = match samples {
         Samples::DemoStates => {
-            descent_step(counter) + trials * (m * policy.forward() + kernel(m, counter))
+            descent_step(counter) + trials * (m * policy.forward() + kernel_at_states(counter))
         }
         Samples::Rollout => {
-            kernel(n, counter)
+            Work::products(2.0 * counter.point() * (n * n / 2.0 + n * counter.m))
                 + n * policy.vjp()
                 + counter.values().1
                 + counter.value_epochs(value_epochs).1
@@ -348,16 +341,22 @@ pub(super) fn descent_operations(counter: &Counter<'_>) -> Work {
 
 fn descent_step(counter: &Counter<'_>) -> Work {
     let &Counter {
-        m, point, policy, ..
+        m, action, policy, ..
     } = counter;
-    let kernel_gradient = Work::products(2.0 * point * (m * m + m * m));
-    m * policy.forward_and_vjp() + kernel(m, counter) + kernel_gradient
+    let kernel_gradient = Work::products(2.0 * action * (m * m + m * m));
+    m * policy.forward_and_vjp() + kernel_at_states(counter) + kernel_gradient
 }
 
-/// The work of the kernel's values among `n` points, and between them and the
-/// demonstration's.
-fn kernel(n: f64, counter: &Counter<'_>) -> Work {
-    Work::products(2.0 * counter.point * (n * n / 2.0 + n * counter.m))
+/// The work of the kernel's values among samples at the demonstration's states, and between them
+/// and the demonstration's points: the states of two points once, their actions three times.
+fn kernel_at_states(counter: &Counter<'_>) -> Work {
+    let &Counter {
+        m,
+        observation,
+        action,
+        ..
+    } = counter;
+    Work::products(2.0 * (observation + 3.0 * action) * (m * m / 2.0))
 }
 
 #[cfg(test)]

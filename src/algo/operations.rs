@@ -16,8 +16,10 @@
 //! | sensitivities | 2 A sum h_l h_l+1 | the outputs' derivatives by the lower hidden layers' sums, once for all products |
 //! | Fisher product | 4 P + 4 P_L + 4 A (h_1 + ... + h_k-1) | there and back through the sensitivities |
 //!
-//! and n points of d numbers against m others take 2 d n m for their kernel values, and as much
-//! again, twice among themselves, for the gradient. The activations of the rollout's pass are taken
+//! and n points of d numbers against m others take 2 d n m for their kernel values. At the
+//! demonstration's states, a pair of samples, the two pairs of a sample and a point, and the pair
+//! of points share the product of states; and the gradient, by the actions alone, takes 2 A m m
+//! for each of the two sides. The activations of the rollout's pass are taken
 //! to be kept: the gradient of the surrogate and the old densities need no pass of their own. How
 //! often conjugate gradient, the line search and the recovery went round is read from the
 //! [`Update`]; conjugate gradient of a recovery from a rollout is not recorded there and counts as
@@ -173,8 +175,10 @@ pub struct Counter<'a> {
     pub n: f64,
     /// The number of points in the demonstration.
     pub m: f64,
-    /// The number of coordinates of a point: observation and action.
-    pub point: f64,
+    /// The number of coordinates of an observation.
+    pub observation: f64,
+    /// The number of coordinates of an action.
+    pub action: f64,
     /// The number of the batch's segments that end with a value to be looked up.
     pub cuts: f64,
     /// The update's record, which tells how often its loops went round.
@@ -197,10 +201,16 @@ impl<'a> Counter<'a> {
             discriminator: Network::new(observation + action, hidden, 1),
             n: *rollout as f64,
             m: *demonstration as f64,
-            point: (observation + action) as f64,
+            observation: *observation as f64,
+            action: *action as f64,
             cuts: cuts as f64,
             update,
         }
+    }
+
+    /// The number of coordinates of a point: observation and action.
+    pub fn point(&self) -> f64 {
+        self.observation + self.action
     }
 
     /// The values for the baseline of the advantages.
@@ -329,9 +339,9 @@ mod tests {
         assert_eq!(products, ("Fisher products", expected));
     }
 
-    /// Points of 5 numbers, 6 of each side: 36 pairs with the demonstration and half as many on
-    /// their own side; kernel values of 10 operations a pair, and two sides' gradients of 10 a
-    /// pair.
+    /// Points of 3 + 2 numbers, 6 of each side: 36 pairs with the demonstration and half as many on
+    /// their own side. Kernel values take 6 operations for the states of half of the 36, and 4 for
+    /// the actions of all 54; two sides' gradients 4 for each of 36.
     #[test]
     fn mimicry_is_measured_once_and_at_each_trial_or_descended() {
         let mut h = mcpo::Hyperparameters::for_env(EnvId::Ant);
@@ -343,7 +353,7 @@ mod tests {
                 .find(|(name, _)| *name == part)
                 .map(|(_, work)| *work)
         };
-        let step = work(6.0 * (86.0 + 142.0) + 540.0 + 720.0, 6.0);
+        let step = work(6.0 * (86.0 + 142.0) + 324.0 + 288.0, 6.0);
         let case = |case: &str| Update {
             case: Some(case.to_owned()),
             step_fraction: Some(0.0),
@@ -356,7 +366,7 @@ mod tests {
         };
         assert_eq!(
             of(active.clone(), "mimicry"),
-            Some(step + 2.0 * work(6.0 * 86.0 + 540.0, 6.0))
+            Some(step + 2.0 * work(6.0 * 86.0 + 324.0, 6.0))
         );
         assert_eq!(
             of(active.clone(), "Fisher products"),

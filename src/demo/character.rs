@@ -21,9 +21,9 @@ impl Demonstration {
     pub fn mmd_of_doing_nothing(&self, bandwidth: Bandwidth, estimator: Estimator) -> f64 {
         let states = Standardizer::new(&self.observations).standardize(&self.observations);
         let points = stack(&states, &self.actions.map(|action| action as f32));
-        let nothing = stack(&states, &DMatrix::zeros(self.actions.nrows(), self.len()));
+        let nothing = DMatrix::zeros(self.actions.nrows(), self.len());
         let kernel = Kernel::new(bandwidth, &points);
-        Target::new(points, kernel, estimator).mmd_squared(&nothing)
+        Target::new(points, kernel, estimator).mmd_squared_at_states(&nothing)
     }
 }
 

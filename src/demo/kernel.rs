@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
-use super::pairs::squared_distance;
+use super::exponents::squared_distance;
 use crate::quantity::Positive;
 
 /// How sigma is chosen.

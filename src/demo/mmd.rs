@@ -6,17 +6,15 @@
 //!
 //! Kernel values are f32 with a relative error below 1e-5 for points of squared norm below 50
 //! (about the demonstration's mean); their sums are f64 of at most 16 in f32, in a fixed order.
-//! Memory is one block of kernel values beside the points, whatever their number. The work is
-//! `n (n / 2 + m)` kernel values.
+//! Memory is a few blocks of kernel values beside the points, whatever their number. The work is
+//! `n (n / 2 + m)` kernel values, also where samples have the target's states, with one product of
+//! states for three of them.
 
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-use super::{
-    Kernel,
-    pairs::{self, Points},
-};
-use crate::arithmetic::product::{product, product_nt};
+use super::{Kernel, exponents::Points, pairs, same_states};
+use crate::arithmetic::product::product_nt;
 
 /// Which estimator of MMD^2.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -70,18 +68,39 @@ pub struct Target {
 }
 
 /// The sums of a pass over all pairs, for each sample.
-struct Sums {
+pub(super) struct Sums {
     /// The sum of kernel values to the other samples `[n]`.
-    to_samples: Vec<f64>,
+    pub(super) to_samples: Vec<f64>,
     /// The sum of kernel values to the target's points `[n]`.
-    to_target: Vec<f64>,
+    pub(super) to_target: Vec<f64>,
 }
 
-/// For each sample the sum of the other points, in their own scale, weighted by their kernel values
-/// `[dim x n]`.
-struct WeightedSums {
-    of_samples: DMatrix<f32>,
-    of_target: DMatrix<f32>,
+impl Sums {
+    /// The sums of `n` samples, at 0.
+    pub(super) fn zeros(n: usize) -> Self {
+        assert!(n > 0, "the MMD needs at least one sample");
+        Self {
+            to_samples: vec![0.0; n],
+            to_target: vec![0.0; n],
+        }
+    }
+}
+
+/// For each sample the sum of the other points' last `k` coordinates, in the points' scale,
+/// weighted by their kernel values `[k x n]`.
+pub(super) struct WeightedSums {
+    pub(super) of_samples: DMatrix<f32>,
+    pub(super) of_target: DMatrix<f32>,
+}
+
+impl WeightedSums {
+    /// The sums at 0.
+    fn zeros(k: usize, n: usize) -> Self {
+        Self {
+            of_samples: DMatrix::zeros(k, n),
+            of_target: DMatrix::zeros(k, n),
+        }
+    }
 }
 
 impl Target {
@@ -97,9 +116,9 @@ impl Target {
         );
         let points = Points::new(&points, &centre, kernel);
         let mut sums = vec![0.0; m];
-        pairs::within(&points, |block| {
+        pairs::within(&points, |block, mirrored| {
             block.add_column_sums(&mut sums);
-            if block.rows != block.columns {
+            if mirrored {
                 block.add_row_sums(&mut sums);
             }
         });
@@ -126,37 +145,69 @@ impl Target {
 
     /// MMD^2, and its gradient with respect to each sample (`[dim x n]`).
     pub fn mmd_squared_gradient(&self, samples: &DMatrix<f32>, gradient: &mut DMatrix<f32>) -> f64 {
+        let samples = Points::new(samples, &self.centre, self.kernel);
+        let mut weighted = WeightedSums::zeros(samples.dim(), samples.len());
+        let sums = self.pass(&samples, Some(&mut weighted));
+        self.gradient(&samples, &sums, &weighted, gradient);
+        self.value(&sums)
+    }
+
+    /// MMD^2 between the target and samples at its own states: one for each of its points, that
+    /// point with `actions` (`[action_dim x m]`) for its last coordinates.
+    ///
+    /// The same to the bit as [`mmd_squared`](Self::mmd_squared) of these samples, with one product
+    /// of states for three kernel values.
+    pub fn mmd_squared_at_states(&self, actions: &DMatrix<f32>) -> f64 {
+        let samples = self.points.with_last(actions, &self.centre);
+        let sums = same_states::sums(&self.points, &samples, actions.nrows(), None);
+        self.value(&sums)
+    }
+
+    /// MMD^2 between the target and samples at its own states, and its gradient with respect to
+    /// each action (`[action_dim x m]`).
+    pub fn mmd_squared_at_states_gradient(
+        &self,
+        actions: &DMatrix<f32>,
+        gradient: &mut DMatrix<f32>,
+    ) -> f64 {
+        let samples = self.points.with_last(actions, &self.centre);
+        let mut weighted = WeightedSums::zeros(actions.nrows(), actions.ncols());
+        let sums = same_states::sums(&self.points, &samples, actions.nrows(), Some(&mut weighted));
+        self.gradient(&samples, &sums, &weighted, gradient);
+        self.value(&sums)
+    }
+
+    /// The gradient with respect to each sample's last `k` coordinates (`[k x n]`).
+    fn gradient(
+        &self,
+        samples: &Points,
+        sums: &Sums,
+        weighted: &WeightedSums,
+        gradient: &mut DMatrix<f32>,
+    ) {
+        let (k, n) = weighted.of_samples.shape();
         assert_eq!(
-            samples.shape(),
             gradient.shape(),
+            (k, n),
             "a gradient has its samples' shape"
         );
-        let samples = Points::new(samples, &self.centre, self.kernel);
-        let zeros = || DMatrix::zeros(samples.dim(), samples.len());
-        let mut weighted = WeightedSums {
-            of_samples: zeros(),
-            of_target: zeros(),
-        };
-        let sums = self.pass(&samples, Some(&mut weighted));
         // d k(x, y) / dx = -2 scale k(x, y) (x - y); a pair of samples counts twice, from either
         // end, and so does a pair with the target, by the 2 of Eq. (4).
-        let n = samples.len();
         // The differences are in the points' scale.
         let factor = 4.0 * self.kernel.scale / samples.scale();
         let own = -factor / self.estimator.pairs(n);
         let other = factor / (n as f64 * self.points.len() as f64);
+        let last = samples.columns(samples.dim() - k..samples.dim(), 0..n);
         for (j, mut column) in gradient.column_iter_mut().enumerate() {
-            let x = samples.columns(j..j + 1);
             let (own_mean, other_mean) =
                 (weighted.of_samples.column(j), weighted.of_target.column(j));
             for (i, slope) in column.iter_mut().enumerate() {
-                let x = f64::from(x[i]);
+                let x = f64::from(last[(i, j)]);
                 let from_samples = own * (x * sums.to_samples[j] - f64::from(own_mean[i]));
                 let from_target = other * (x * sums.to_target[j] - f64::from(other_mean[i]));
                 *slope = (from_samples + from_target) as f32;
             }
         }
-        self.value(&sums)
     }
 
     /// MMD^2, and the witness function at each sample (`[n]`): the mean kernel value to `samples`
@@ -187,29 +238,23 @@ impl Target {
         self.value(&sums)
     }
 
-    /// Visits every pair once; fills `weighted` too, for the gradient.
+    /// Visits every pair once; fills `weighted` too, for the gradient by all coordinates.
     fn pass(&self, samples: &Points, mut weighted: Option<&mut WeightedSums>) -> Sums {
-        assert!(samples.len() > 0, "the MMD needs at least one sample");
-        let n = samples.len();
-        let mut sums = Sums {
-            to_samples: vec![0.0; n],
-            to_target: vec![0.0; n],
-        };
-        pairs::within(samples, |block| {
-            let (rows, columns) = (block.rows.clone(), block.columns.clone());
+        let mut sums = Sums::zeros(samples.len());
+        let all = 0..samples.dim();
+        pairs::within(samples, |block, mirrored| {
             block.add_column_sums(&mut sums.to_samples);
-            if rows != columns {
+            if mirrored {
                 block.add_row_sums(&mut sums.to_samples);
             }
             if let Some(WeightedSums { of_samples, .. }) = &mut weighted {
-                let target = of_samples.columns_range_mut(columns.clone());
-                product(samples.columns(rows.clone()), block.values, 1.0, target);
-                if rows != columns {
+                block.add_weighted(samples.columns(all.clone(), block.rows.clone()), of_samples);
+                if mirrored {
                     product_nt(
-                        samples.columns(columns),
+                        samples.columns(all.clone(), block.columns),
                         block.values,
                         1.0,
-                        of_samples.columns_range_mut(rows),
+                        of_samples.columns_range_mut(block.rows),
                     );
                 }
             }
@@ -217,12 +262,8 @@ impl Target {
         pairs::between(&self.points, samples, |block| {
             block.add_column_sums(&mut sums.to_target);
             if let Some(WeightedSums { of_target, .. }) = &mut weighted {
-                product(
-                    self.points.columns(block.rows),
-                    block.values,
-                    1.0,
-                    of_target.columns_range_mut(block.columns),
-                );
+                let points = self.points.columns(all.clone(), block.rows.clone());
+                block.add_weighted(points, of_target);
             }
         });
         sums

@@ -3,14 +3,17 @@
 //! Owns the Parquet format, import, verification by re-simulation, the Gaussian kernel, its units
 //! and the MMD. Knows nothing of networks or updates. Start at [`Demonstration`] and [`mmd`].
 
+mod block;
 mod character;
 mod error;
+mod exponents;
 pub mod import;
 mod kernel;
 pub mod mmd;
 mod motion;
 mod pairs;
 mod parquet;
+mod same_states;
 mod standardizer;
 mod verify;
 

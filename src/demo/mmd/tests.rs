@@ -162,6 +162,40 @@ fn the_gradient_agrees_with_finite_differences() {
     }
 }
 
+/// Blocks of one, two and three sizes, a partial strip and a partial vector among them; points that
+/// cancel, since every sample is near its own point.
+#[test]
+fn at_the_targets_states_value_and_gradient_are_those_of_the_same_samples() {
+    for (states, action_dim, m) in [(4, 1, 1), (17, 6, 239), (11, 3, 290), (2, 8, 740)] {
+        let y = points(states + action_dim, m, 5, 2.0);
+        let actions = DMatrix::from_fn(action_dim, m, |i, j| {
+            y[(states + i, j)] + 1e-2 * ((5 * i + 3 * j) as f32).cos()
+        });
+        let mut x = y.clone();
+        x.rows_mut(states, action_dim).copy_from(&actions);
+        for estimator in [Estimator::V, Estimator::U] {
+            let target = target(&y, 0.5, estimator);
+            let value = target.mmd_squared(&x);
+            assert_eq!(
+                target.mmd_squared_at_states(&actions).to_bits(),
+                value.to_bits()
+            );
+            let mut by_all = DMatrix::from_element(states + action_dim, m, f32::NAN);
+            target.mmd_squared_gradient(&x, &mut by_all);
+            let mut gradient = DMatrix::from_element(action_dim, m, f32::NAN);
+            let same = target.mmd_squared_at_states_gradient(&actions, &mut gradient);
+            assert_eq!(same.to_bits(), value.to_bits());
+            // Sums of up to 740 points of norm 2, of which each is weighted by at most 1, over m.
+            let by_actions = by_all.rows(states, action_dim);
+            let error = (gradient - by_actions).amax();
+            assert!(
+                error < 1e-6,
+                "{states} {action_dim} {m} {estimator:?}: {error}"
+            );
+        }
+    }
+}
+
 #[test]
 fn the_witness_agrees_with_loops_and_leaves_the_sample_out_under_u() {
     for (n, estimator) in [(1, Estimator::U), (300, Estimator::V), (300, Estimator::U)] {
