@@ -2,8 +2,8 @@
 //!
 //! The table is the design's, with these deviations. `arithmetic`, the products and elementary
 //! functions at the machine's rate, `escape`, text from outside made harmless for where it is
-//! shown, `intake`, files from outside, and `parquet`, the reader of tables that believes none of
-//! their claims, are bottom modules of their own. `measured`, the rows and the catalogue of their
+//! shown, `fit`, TOML values read into types, `intake`, files from outside, and `parquet`, the
+//! reader of tables that believes none of their claims, are bottom modules of their own. `measured`, the rows and the catalogue of their
 //! columns, stands below `spec`, which asks it what can be drawn. `plan` uses `env`, since a run
 //! holds its environment and its reward. `record` and `schedule` use what rows and policies are
 //! made of, since they are `train`'s sink, and `schedule` reads demonstrations before anything
