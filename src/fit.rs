@@ -72,8 +72,6 @@ pub enum Fault {
     },
     /// A key without which a table is incomplete.
     MissingKey(&'static str),
-    /// A key that is there twice, under two spellings.
-    DoubleKey(&'static str),
     /// Neither a name nor a table, where one of them chooses.
     NoChoice {
         /// The choices.
@@ -159,7 +157,6 @@ impl fmt::Display for Mistake {
             Fault::UnknownKey { key, .. } => write!(f, "unknown key `{key}`"),
             Fault::UnknownName { name, .. } => write!(f, "unknown name `{name}`"),
             Fault::MissingKey(key) => write!(f, "`{key}` is missing"),
-            Fault::DoubleKey(key) => write!(f, "`{key}` is there twice"),
             Fault::NoChoice { .. } => f.write_str("this is neither a name nor a table"),
             Fault::NotOneChoice { .. } => {
                 f.write_str("this table does not hold exactly one choice")
@@ -228,10 +225,6 @@ impl Error for Mistake {
 
     fn missing_field(key: &'static str) -> Self {
         Self::new(Fault::MissingKey(key))
-    }
-
-    fn duplicate_field(key: &'static str) -> Self {
-        Self::new(Fault::DoubleKey(key))
     }
 }
 

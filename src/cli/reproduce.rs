@@ -185,3 +185,19 @@ fn compared(
         },
     )
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_damaged_table_is_told_before_anything_is_trained() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("progress.parquet");
+        std::fs::write(&path, "PAR1 and no more").expect("written");
+        let error = check_readable(&path, None).expect_err("it is damaged");
+        assert!(error.to_string().contains("progress.parquet"), "{error}");
+        // A policy and a log are compared when there is something to compare them with.
+        check_readable(&folder.path().join("policy.safetensors"), None).expect("not looked at");
+    }
+}

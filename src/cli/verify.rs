@@ -259,3 +259,20 @@ fn record(planned: &[Planned], against: &Path) -> anyhow::Result<ExitCode> {
     ))?;
     Ok(ExitCode::SUCCESS)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_set_aside_is_no_record() {
+        let folder = tempfile::tempdir().expect("a folder");
+        for run in ["E/ppo/seed-0", "E/ppo/seed-0.old-1", "E/ppo/seed-1.partial"] {
+            let run = folder.path().join(run);
+            fs::create_dir_all(&run).expect("created");
+            fs::write(RunPaths::manifest(&run), "{}").expect("written");
+        }
+        let ids = recorded_ids(folder.path(), "").expect("readable");
+        assert_eq!(ids, ["E/ppo/seed-0"]);
+    }
+}

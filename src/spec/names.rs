@@ -88,7 +88,6 @@ pub(super) fn words(fault: &Fault) -> (String, Option<String>) {
             format!("`{key}` is missing"),
             Some(format!("write `{key} = ...`")),
         ),
-        Fault::DoubleKey(key) => (format!("`{key}` is there twice"), None),
         Fault::NoChoice { known } => (
             "this is neither a name nor a table".to_owned(),
             expected(&one_of(known)),
