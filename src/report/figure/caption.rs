@@ -2,11 +2,16 @@
 
 use std::collections::BTreeSet;
 
+use super::{
+    axes::y_scale,
+    beside::{self, Beside},
+};
 use crate::{
     report::{
         amount,
-        curve::{Curve, CurveData, LeftOut},
+        curve::{Curve, CurveData, LeftOut, Panel},
         over_seeds::SEEDS_FOR_T,
+        text::alone,
     },
     spec::Band,
 };
@@ -15,8 +20,8 @@ use crate::{
 pub struct Notes {
     /// The meaning of curves and bands, for the caption.
     pub means: String,
-    /// The seeds and steps that are lacking, which the figure itself must say; empty where none
-    /// are.
+    /// What the figure itself must say: the seeds and steps that are lacking, and the paper's
+    /// values that its axes do not reach; empty where there is nothing.
     pub lacking: String,
 }
 
@@ -142,10 +147,46 @@ pub fn notes(data: &CurveData) -> Notes {
         "Points left out because a seed has none there",
         |left_out| left_out.absent,
     );
+    let beyond: Vec<String> = data
+        .panels
+        .iter()
+        .flat_map(|panel| {
+            let places = beside::places(&y_scale(data, panel), papers(panel));
+            let named = data.series.iter().zip(papers(panel)).zip(places);
+            named.filter_map(|((series, paper), place)| match place? {
+                Beside::Within(_) => None,
+                Beside::Above(_) | Beside::Below(_) => Some(format!(
+                    "{} ({})",
+                    name(&panel.title, &series.text),
+                    alone(paper?)
+                )),
+            })
+        })
+        .collect();
+    if !beyond.is_empty() {
+        notes.push(format!(
+            "Arrows, for the paper's values beyond an axis: {}.",
+            shorten(&beyond)
+        ));
+    }
     Notes {
         means: means.join(" "),
         lacking: notes.join(" "),
     }
+}
+
+/// The paper's values that a panel shows, one for each series.
+fn papers(panel: &Panel) -> impl Iterator<Item = Option<f64>> {
+    // A panel without points shows a text instead of lines.
+    let drawn = panel
+        .curves
+        .iter()
+        .flatten()
+        .any(|curve| !curve.points.is_empty());
+    panel
+        .curves
+        .iter()
+        .map(move |curve| curve.as_ref().filter(|_| drawn)?.paper)
 }
 
 /// The number of seeds behind a curve, and the meaning of shaded areas and thin lines.

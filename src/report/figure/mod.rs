@@ -3,6 +3,8 @@
 //! Owns where everything is put. Knows nothing of files; plotters is named in [`picture`] alone.
 //! Start at [`draw`].
 
+pub mod axes;
+pub mod beside;
 mod caption;
 mod grid;
 mod legend;
@@ -19,7 +21,6 @@ pub mod ticks;
 mod words;
 
 pub use caption::notes;
-pub use panel::{x_scale, x_ticks, y_scale};
 pub use style::{BLACK, PALETTE};
 
 use super::curve::CurveData;

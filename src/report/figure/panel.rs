@@ -1,16 +1,15 @@
 //! One panel: its axes, and the curves in them.
 
 use super::{
+    axes::{Axes, drawn_singles, x_scale, x_ticks, y_scale},
+    beside::{self, Beside},
     look::{self, BAND, Look},
     picture::{Anchor, Shape, text_width},
     style::{BLACK, GREY, LIGHT, Sheet},
-    ticks::{Scale, Tick},
+    ticks::Tick,
     words::{fit, text},
 };
-use crate::{
-    report::curve::{Across, Curve, CurveData, Panel, Point},
-    spec::Band,
-};
+use crate::report::curve::{Curve, CurveData, Panel, Point};
 
 /// The place of a panel on the page. It includes everything that belongs to the panel but the name
 /// of the x axis, which hangs below.
@@ -30,34 +29,6 @@ pub struct Frame {
     pub gutter: f64,
     /// Whether the x axis is named.
     pub x_label: bool,
-}
-
-/// The inside of the axes, with their scales.
-struct Axes {
-    left: f64,
-    right: f64,
-    top: f64,
-    bottom: f64,
-    x: Scale,
-    y: Scale,
-}
-
-impl Axes {
-    fn at(&self, x: f64, y: f64) -> (f64, f64) {
-        let across = self.left + self.x.fraction(x) * (self.right - self.left);
-        (across, self.height_of(y))
-    }
-
-    /// The y coordinate of a value; that of the frame where the value lies outside.
-    fn height_of(&self, y: f64) -> f64 {
-        let height = self.bottom - self.y.fraction(y) * (self.bottom - self.top);
-        // A logarithm of 0 or less is at the bottom.
-        if height.is_nan() {
-            self.bottom
-        } else {
-            height.clamp(self.top, self.bottom)
-        }
-    }
 }
 
 /// Points of the page that a line leads through.
@@ -190,63 +161,6 @@ fn why_empty(data: &CurveData, curves: &[(usize, &Curve)]) -> String {
     }
 }
 
-/// The x axis: from 0 to a little beyond the last point, or the range of scores.
-pub fn x_scale(data: &CurveData, panel: &Panel) -> Scale {
-    let (low, high) = match data.across {
-        Across::Scores(low, high) => (low, high),
-        Across::Steps => {
-            let points = panel
-                .curves
-                .iter()
-                .flatten()
-                .flat_map(|curve| &curve.points);
-            let end = points.map(|point| point.env_steps).fold(0.0, f64::max);
-            (0.0, if end > 0.0 { end * 1.02 } else { 1.0 })
-        }
-    };
-    Scale {
-        low,
-        high,
-        log: false,
-    }
-}
-
-/// The marks of the x axis.
-pub fn x_ticks(data: &CurveData, x: &Scale, wanted: usize) -> Vec<Tick> {
-    match data.across {
-        Across::Steps => x.step_ticks(wanted),
-        Across::Scores(..) => x.ticks(wanted),
-    }
-}
-
-/// The y axis: all means and references lie inside. Bands extend it by at most half that range to
-/// either side, since the wide interval of two seeds would otherwise flatten the curves.
-pub fn y_scale(data: &CurveData, panel: &Panel) -> Scale {
-    let curves = || panel.curves.iter().flatten();
-    let values = curves()
-        .flat_map(|curve| {
-            let means = curve.points.iter().map(|point| point.mean);
-            let singles = drawn_singles(data, curve).flatten().map(|point| point.1);
-            let raw = curve.raw.iter().map(|point| point.1);
-            means
-                .chain(singles)
-                .chain(raw)
-                .chain(curve.paper)
-                .chain(curve.tolerance.iter().map(|point| point.1))
-        })
-        .chain(panel.demo);
-    let inner = Scale::around(values, data.log_y);
-    let bands = curves()
-        .flat_map(|curve| &curve.points)
-        .filter_map(|point| point.band);
-    let (mut low, mut high) = (0.0_f64, 1.0_f64);
-    for band in bands {
-        low = low.min(inner.fraction(band.0).max(-0.5));
-        high = high.max(inner.fraction(band.1).min(1.5));
-    }
-    inner.stretched(low, high)
-}
-
 fn grid(sheet: &Sheet, axes: &Axes, x_ticks: &[Tick], y_ticks: &[Tick]) -> Vec<Shape> {
     let mut shapes = Vec::new();
     let mut line = |points: [(f64, f64); 2], color| {
@@ -268,7 +182,7 @@ fn grid(sheet: &Sheet, axes: &Axes, x_ticks: &[Tick], y_ticks: &[Tick]) -> Vec<S
         }
     }
     for tick in x_ticks {
-        let x = axes.at(tick.at, 0.0).0;
+        let x = axes.across(tick.at);
         line([(x, axes.bottom), (x, axes.bottom + long)], BLACK);
     }
     for tick in y_ticks.iter().filter(|tick| !tick.label.is_empty()) {
@@ -284,7 +198,7 @@ fn grid(sheet: &Sheet, axes: &Axes, x_ticks: &[Tick], y_ticks: &[Tick]) -> Vec<S
     }
     for tick in x_ticks {
         let at = (
-            axes.at(tick.at, 0.0).0,
+            axes.across(tick.at),
             axes.bottom + sheet.scaled(4.0) + sheet.tick,
         );
         shapes.push(Shape::Text(text(
@@ -344,7 +258,7 @@ fn lines(data: &CurveData, panel: &Panel, sheet: &Sheet, axes: &Axes) -> Vec<Sha
         let points: Vec<_> = curve
             .tolerance
             .iter()
-            .map(|&(x, y)| axes.at(x, y))
+            .map(|point| axes.at(*point))
             .collect();
         shapes.extend(Look::Tolerance.line(sheet, &points, look::color(*look)));
     }
@@ -379,35 +293,53 @@ fn lines(data: &CurveData, panel: &Panel, sheet: &Sheet, axes: &Axes) -> Vec<Sha
                 .flat_map(|at| look::marker(sheet, *look, at)),
         );
     }
-    for (look, curve) in &curves {
-        if let Some(paper) = curve.paper {
-            let (y, gap) = (axes.height_of(paper), sheet.scaled(2.0));
-            let points = [
-                (axes.right + gap, y),
-                (axes.right + sheet.scaled(GUTTER), y),
-            ];
-            shapes.extend(Look::Paper.line(sheet, &points, look::color(*look)));
-        }
+    let papers = beside::places(&axes.y, curves.iter().map(|(_, curve)| curve.paper));
+    for ((look, _), place) in curves.iter().zip(papers) {
+        shapes.extend(
+            place
+                .map(|place| paper(*look, place, sheet, axes))
+                .into_iter()
+                .flatten(),
+        );
     }
     shapes
+}
+
+/// One of the paper's values: a dash at its height, or an arrow at the end of the axis.
+fn paper(look: usize, place: Beside, sheet: &Sheet, axes: &Axes) -> Vec<Shape> {
+    let (from, to) = (
+        axes.right + sheet.scaled(2.0),
+        axes.right + sheet.scaled(GUTTER),
+    );
+    let color = look::color(look);
+    let size = sheet.scaled(3.5);
+    let arrow = |tip: f64, base: f64| {
+        let middle = (from + to) / 2.0;
+        let points = vec![(middle, tip), (middle - size, base), (middle + size, base)];
+        vec![Shape::Area {
+            points,
+            color,
+            opacity: 1.0,
+        }]
+    };
+    // Each arrow stands nearer to the middle than the one before.
+    let nth = |turn: usize| (1.9 * size) * turn as f64;
+    match place {
+        Beside::Within(value) => {
+            let y = axes.height_of(value);
+            Look::Paper.line(sheet, &[(from, y), (to, y)], color)
+        }
+        Beside::Above(turn) => arrow(axes.top + nth(turn), axes.top + nth(turn) + 1.6 * size),
+        Beside::Below(turn) => arrow(
+            axes.bottom - nth(turn),
+            axes.bottom - nth(turn) - 1.6 * size,
+        ),
+    }
 }
 
 /// The number of markers on a curve: enough to recognise it, too few to hide it.
 fn markers(axes: &Axes) -> usize {
     if axes.right - axes.left < 120.0 { 2 } else { 3 }
-}
-
-/// The seeds that get a line of their own.
-fn drawn_singles<'a>(
-    data: &CurveData,
-    curve: &'a Curve,
-) -> impl Iterator<Item = &'a Vec<(f64, f64)>> {
-    let wanted = data.band == Band::Seeds;
-    curve
-        .singles
-        .iter()
-        .filter(move |_| wanted)
-        .map(|single| &single.points)
 }
 
 /// The lines of single seeds, and of the mean before smoothing.
@@ -419,7 +351,7 @@ fn faint(data: &CurveData, look: usize, curve: &Curve, sheet: &Sheet, axes: &Axe
                 .filter(|stretch| stretch.len() > 1)
         });
     let line = |stretch: &[(f64, f64)]| Shape::Line {
-        points: stretch.iter().map(|&(x, y)| axes.at(x, y)).collect(),
+        points: stretch.iter().map(|point| axes.at(*point)).collect(),
         width: 0.5 * sheet.curve,
         color: look::faint(look),
     };
@@ -437,7 +369,7 @@ fn stretches(curve: &Curve, axes: &Axes, markers: usize) -> Vec<Path> {
     let at = |points: &[Point]| {
         points
             .iter()
-            .map(|point| axes.at(point.env_steps, point.mean))
+            .map(|point| axes.at((point.env_steps, point.mean)))
             .collect()
     };
     curve.stretches().map(at).collect()
@@ -465,8 +397,8 @@ fn band(look: usize, curve: &Curve, axes: &Axes) -> Vec<Shape> {
         let ends = points.iter().filter_map(|point| {
             let (low, high) = point.band?;
             Some((
-                axes.at(point.env_steps, low),
-                axes.at(point.env_steps, high),
+                axes.at((point.env_steps, low)),
+                axes.at((point.env_steps, high)),
             ))
         });
         let ends: Vec<_> = ends.collect();

@@ -1,6 +1,7 @@
 //! What every figure holds to.
 
 use super::{
+    axes::y_scale,
     picture::{Anchor, Shape, Text, text_width},
     *,
 };
@@ -532,4 +533,23 @@ fn a_curve_has_two_or_three_markers() {
             .count();
         assert!([7, 9].contains(&areas), "{areas} areas at {width:?}");
     }
+}
+
+#[test]
+fn a_paper_s_value_far_from_the_curves_is_an_arrow_and_a_note() {
+    let mut far = curve(&[100.0, 200.0, 300.0]);
+    far.paper = Some(-5477.0);
+    let panels = vec![panel("Ant-v2", vec![Some(far)])];
+    let data = figure(panels, 1, "MCPO", false);
+    check(&data);
+    let scale = y_scale(&data, &data.panels[0]);
+    assert!(scale.low > -100.0, "{scale:?}");
+    let arrows = draw(&data)
+        .shapes
+        .into_iter()
+        .filter(|shape| matches!(shape, Shape::Area { points, .. } if points.len() == 3))
+        .count();
+    assert_eq!(arrows, 1);
+    let said = "Arrows, for the paper's values beyond an axis: Ant-v2 (−5477).";
+    assert_eq!(notes(&data).lacking, said);
 }

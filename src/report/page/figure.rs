@@ -16,10 +16,11 @@ use crate::{
     report::{
         curve::{Across, Curve, CurveData, Panel, Point},
         figure::{
+            axes::{Axes, x_scale, x_ticks, y_scale},
+            beside::{self, Beside},
             look,
             picture::text_width,
-            ticks::{Scale, Tick},
-            x_scale, x_ticks, y_scale,
+            ticks::Tick,
         },
         text::{Grid, alone},
     },
@@ -192,86 +193,55 @@ fn legend(data: &CurveData) -> String {
     series.chain(others).collect()
 }
 
-/// The inside of the axes, with their scales.
-pub struct Axes {
-    /// The left edge.
-    pub left: f64,
-    /// The right edge.
-    pub right: f64,
-    /// The upper edge.
-    pub top: f64,
-    /// The lower edge.
-    pub bottom: f64,
-    /// The x axis.
-    pub x: Scale,
-    /// The y axis.
-    pub y: Scale,
-}
-
-impl Axes {
-    /// The axes of `panel`.
-    pub fn new(data: &CurveData, panel: &Panel) -> Self {
-        let (_, width, height) = size(data);
-        let (x, y) = (x_scale(data, panel), y_scale(data, panel));
-        let labels = y
-            .ticks(5)
-            .iter()
-            .map(|tick| text_width(&tick.label, TEXT))
-            .fold(150.0, f64::max);
-        let paper = panel
-            .curves
-            .iter()
-            .flatten()
-            .any(|curve| curve.paper.is_some());
-        let right = width - if paper { GUTTER } else { 60.0 };
-        Self {
-            left: (labels + 70.0).round(),
-            right,
-            top: 200.0,
-            bottom: height - 390.0,
-            x,
-            y,
-        }
-    }
-
-    fn across(&self, x: f64) -> f64 {
-        self.left + self.x.fraction(x) * (self.right - self.left)
-    }
-
-    fn height_of(&self, y: f64) -> f64 {
-        let height = self.bottom - self.y.fraction(y) * (self.bottom - self.top);
-        if height.is_nan() {
-            self.bottom
-        } else {
-            height.clamp(self.top, self.bottom)
-        }
-    }
-
-    fn at(&self, (x, y): (f64, f64)) -> (f64, f64) {
-        (self.across(x), self.height_of(y))
+/// The axes of `panel`.
+pub fn axes(data: &CurveData, panel: &Panel) -> Axes {
+    let (_, width, height) = size(data);
+    let (x, y) = (x_scale(data, panel), y_scale(data, panel));
+    let labels = y
+        .ticks(5)
+        .iter()
+        .map(|tick| text_width(&tick.label, TEXT))
+        .fold(150.0, f64::max);
+    let paper = panel
+        .curves
+        .iter()
+        .flatten()
+        .any(|curve| curve.paper.is_some());
+    let right = width - if paper { GUTTER } else { 60.0 };
+    Axes {
+        left: (labels + 70.0).round(),
+        right,
+        top: 200.0,
+        bottom: height - 390.0,
+        x,
+        y,
     }
 }
 
 fn panel_html(data: &CurveData, index: usize, panel: &Panel, stride: usize) -> String {
     let (_, width, height) = size(data);
-    let axes = Axes::new(data, panel);
+    let axes = axes(data, panel);
     let named = panel.curves.iter().zip(&data.looks).enumerate();
     let drawn: Vec<(usize, usize, &Curve)> = named
         .filter_map(|(series, (curve, look))| Some((series, *look, curve.as_ref()?)))
         .collect();
     let turns = drawn.len();
-    let lines = drawn
-        .iter()
-        .enumerate()
-        .map(|(turn, &(series, look, curve))| {
-            // Markers of several curves are shifted, so that none hides another.
-            let shift = (turn as f64 + 0.5) / turns as f64;
-            format!(
-                "<g class=\"series {}\" data-series=\"{series}\">{}</g>",
-                class(look),
-                line(curve, look, &axes, stride, shift)
-            )
-        });
+    let papers = beside::places(&axes.y, drawn.iter().map(|(_, _, curve)| curve.paper));
+    let lines =
+        drawn
+            .iter()
+            .zip(papers)
+            .enumerate()
+            .map(|(turn, (&(series, look, curve), paper))| {
+                // Markers of several curves are shifted, so that none hides another.
+                let shift = (turn as f64 + 0.5) / turns as f64;
+                format!(
+                    "<g class=\"series {}\" data-series=\"{series}\">{}{}</g>",
+                    class(look),
+                    line(curve, look, &axes, stride, shift),
+                    paper.map_or(String::new(), |place| paper_value(place, &axes))
+                )
+            });
     let (title, y_label) = (prose(&panel.title), escape::html(&data.y_label));
     let demo = panel.demo.map_or(String::new(), |demo| {
         format!(
@@ -343,7 +313,7 @@ fn grid(data: &CurveData, axes: &Axes) -> String {
     format!("{rules}{marks}<path class=\"axis\" d=\"M{left} {top}V{bottom}H{right}\"/>")
 }
 
-/// A curve: its band, its mean, its markers, and the paper's value beside the axes.
+/// A curve: its band, its mean, its markers.
 fn line(curve: &Curve, look: usize, axes: &Axes, stride: usize, shift: f64) -> String {
     let mut drawn = String::new();
     // Later shapes cover earlier ones, so the tolerance and the band come before the mean.
@@ -410,14 +380,29 @@ fn line(curve: &Curve, look: usize, axes: &Axes, stride: usize, shift: f64) -> S
             .collect();
         drawn.push_str(&marks);
     }
-    // The paper has values after training alone, so the mark stands beside the axes.
-    if let Some(paper) = curve.paper {
-        let (from, y) = (axes.right + 20.0, axes.height_of(paper));
-        drawn.push_str(&format!(
-            "<path class=\"paper-value\" d=\"M{from} {y:.0}h110\"/>"
-        ));
-    }
     drawn
+}
+
+/// One of the paper's values beside the axes: a dash at its height, or an arrow at the axis' end.
+fn paper_value(place: Beside, axes: &Axes) -> String {
+    const ARROW: f64 = 90.0;
+    let (from, middle) = (axes.right + 20.0, axes.right + 75.0);
+    // Each arrow stands nearer to the middle than the one before.
+    let nth = |turn: usize| 1.2 * ARROW * turn as f64;
+    match place {
+        Beside::Within(value) => {
+            let y = axes.height_of(value);
+            format!("<path class=\"paper-value\" d=\"M{from} {y:.0}h110\"/>")
+        }
+        Beside::Above(turn) => {
+            let tip = axes.top + nth(turn);
+            format!("<path class=\"paper-beyond\" d=\"M{middle} {tip:.0}l-50 {ARROW}h100z\"/>")
+        }
+        Beside::Below(turn) => {
+            let tip = axes.bottom - nth(turn);
+            format!("<path class=\"paper-beyond\" d=\"M{middle} {tip:.0}l-50 -{ARROW}h100z\"/>")
+        }
+    }
 }
 
 fn mark(look: usize, (x, y): (f64, f64)) -> String {

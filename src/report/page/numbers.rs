@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use super::{
     Figure,
-    figure::{Axes, class, curves_of, stride, thinned},
+    figure::{axes, class, curves_of, stride, thinned},
 };
 use crate::report::curve::{Across, Curve, CurveData, Point, Single};
 
@@ -21,7 +21,7 @@ pub fn data(figures: &[Figure<'_>]) -> String {
 
 fn numbers(data: &CurveData, stride: usize) -> Value {
     let panels = data.panels.iter().map(|panel| {
-        let axes = Axes::new(data, panel);
+        let axes = axes(data, panel);
         let curves = panel
             .curves
             .iter()

@@ -3,7 +3,7 @@
 
 /// The digests of `style.css` and `script.js`, as a Content Security Policy names them. The test
 /// below tells the right ones.
-const STYLE: &str = "sha256-Q9SwH9BhvsmY74i9fYUSqvgaMe4t5tAJpA9VORMz3F0=";
+const STYLE: &str = "sha256-RfgP6o7/CGHcXp7/sfTfhaqODxz9hHPS8KJUTIXUoCY=";
 const SCRIPT: &str = "sha256-1xtNiHjsIB14B+TngyVF/kVVp9u0DmLMeoBGRSXYRNA=";
 
 /// The policy of the page.
