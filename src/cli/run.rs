@@ -156,11 +156,12 @@ fn run_missing(
     }
     let options = arguments.options();
     let costs = CostModel::of(planned, &states);
-    let seconds = unfinished(planned, &states)
+    let left: Vec<f64> = unfinished(planned, &states)
         .map(|(run, state)| plan::seconds_of(run, state, &costs))
-        .sum();
+        .collect();
+    let seconds = left.iter().sum();
     let style = Style::choose(arguments.quiet);
-    let mut progress = Progress::new(style, arguments.verbose, due.len(), seconds);
+    let mut progress = Progress::new(style, arguments.verbose, left);
     progress.say(&greeting(planned, &due, options.jobs, seconds, results));
     let summary =
         local::run(&due, results, options, &costs, stop, &mut progress).context(NO_PROGRAM)?;

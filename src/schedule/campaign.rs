@@ -271,9 +271,9 @@ impl Campaign<'_> {
             Event::Began { from_env_steps } => {
                 worker.env_steps = Some(from_env_steps);
                 let spec = &self.due[number].spec;
-                let (budget, seconds) = (spec.budget.env_steps.get(), self.costs.seconds(spec));
+                let (steps, seconds) = (spec.trained_steps(), self.costs.seconds(spec));
                 self.progress
-                    .begin(number, &spec.id, from_env_steps, budget, seconds);
+                    .begin(number, &spec.id, from_env_steps, steps, seconds);
             }
             Event::Iteration {
                 env_steps,
@@ -338,14 +338,9 @@ impl Campaign<'_> {
     /// Counts a run as finished, and shows `how`.
     fn finish(&mut self, number: usize, how: &str) {
         self.summary.finished += 1;
-        self.show_end(number);
+        self.progress.end(number);
         self.progress
             .say(&format!("{}: {how}", self.due[number].spec.id));
-    }
-
-    fn show_end(&mut self, number: usize) {
-        self.progress
-            .end(number, self.costs.seconds(&self.due[number].spec));
     }
 
     /// Leaves a run to the process that has claimed it.
@@ -402,7 +397,7 @@ impl Campaign<'_> {
             self.queue.push_front(number);
             return;
         }
-        self.show_end(number);
+        self.progress.end(number);
         self.progress
             .complain(&format!("{}: failed: {error}", run.spec.id));
         self.summary
@@ -452,7 +447,7 @@ impl Campaign<'_> {
                 Ok(RunState::Finished(_)) => self.finish(number, "finished by another process"),
                 Ok(RunState::Failed(manifest)) => {
                     let error = manifest.error().unwrap_or("it did not end").to_owned();
-                    self.show_end(number);
+                    self.progress.end(number);
                     self.progress.complain(&format!(
                         "{}: failed in another process: {error}",
                         run.spec.id

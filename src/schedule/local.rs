@@ -64,8 +64,8 @@ pub fn run_unknown(
     stop: &StopRequest,
 ) -> io::Result<Summary> {
     let costs = CostModel::default();
-    let seconds = due.iter().map(|run| costs.seconds(&run.spec)).sum();
-    let mut progress = Progress::new(style, options.verbose, due.len(), seconds);
+    let seconds = due.iter().map(|run| costs.seconds(&run.spec)).collect();
+    let mut progress = Progress::new(style, options.verbose, seconds);
     run(due, results, options, &costs, stop, &mut progress)
 }
 

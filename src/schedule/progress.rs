@@ -44,10 +44,10 @@ pub struct Progress {
     whole: ProgressBar,
     began: Instant,
     last_line: Instant,
-    runs: usize,
     ended: usize,
-    /// Expected seconds of work that are left; `work_done` are those done since the beginning.
-    work_left: f64,
+    /// Expected seconds of work that are left of each run; `work_done` are those done since the
+    /// beginning.
+    left: Vec<f64>,
     work_done: f64,
     steps_done: u64,
     running: BTreeMap<usize, Running>,
@@ -77,8 +77,8 @@ impl Running {
 }
 
 impl Progress {
-    /// Shows a campaign of `runs` runs, whose work would take `seconds` in one process.
-    pub fn new(style: Style, verbose: bool, runs: usize, seconds: f64) -> Self {
+    /// Shows a campaign of runs; what is left of each would take so many seconds in one process.
+    pub fn new(style: Style, verbose: bool, left: Vec<f64>) -> Self {
         let target = if style == Style::Bars {
             ProgressDrawTarget::stderr()
         } else {
@@ -94,9 +94,8 @@ impl Progress {
             whole,
             began: Instant::now(),
             last_line: Instant::now(),
-            runs,
             ended: 0,
-            work_left: seconds,
+            left,
             work_done: 0.0,
             steps_done: 0,
             running: BTreeMap::new(),
@@ -106,13 +105,14 @@ impl Progress {
     /// Shows that run `number` begins at `from` of `budget` environment steps. The whole run would
     /// take `seconds`.
     pub fn begin(&mut self, number: usize, label: &str, from: u64, budget: u64, seconds: f64) {
+        let budget = budget.max(1); // some runs take no steps
         let bar = self
             .screen
             .insert_before(&self.whole, ProgressBar::new(budget));
         bar.set_style(bar_style("{bar:12} {percent:>3} %  {wide_msg}"));
         bar.set_message(label.to_owned());
-        let work_per_step = seconds / budget.max(1) as f64;
-        self.work_left -= work_per_step * from as f64;
+        let work_per_step = seconds / budget as f64;
+        self.left[number] = work_per_step * budget.saturating_sub(from) as f64;
         let running = Running {
             label: label.to_owned(),
             bar,
@@ -133,8 +133,9 @@ impl Progress {
         };
         let steps = env_steps.saturating_sub(run.env_steps);
         self.steps_done += steps;
-        self.work_done += run.work_per_step * steps as f64;
-        self.work_left -= run.work_per_step * steps as f64;
+        let work = run.work_per_step * steps as f64;
+        self.work_done += work;
+        self.left[number] -= work;
         run.env_steps = env_steps;
         run.last_return = training_return.or(run.last_return);
         run.bar.set_position(env_steps.min(run.budget));
@@ -164,21 +165,18 @@ impl Progress {
         ));
     }
 
-    /// Shows that run `number` has ended, here or in another process. The whole run would take
-    /// `seconds`.
-    pub fn end(&mut self, number: usize, seconds: f64) {
+    /// Shows that run `number` has ended, here or in another process.
+    pub fn end(&mut self, number: usize) {
         self.ended += 1;
-        self.work_left -= match self.remove(number) {
-            Some(run) => run.work_per_step * run.budget.saturating_sub(run.env_steps) as f64,
-            None => seconds, // it did not begin here
-        };
+        self.left[number] = 0.0;
+        self.remove(number);
     }
 
     /// Removes run `number`, which is no longer under way here and has not ended.
     pub fn leave(&mut self, number: usize) {
         if let Some(run) = self.remove(number) {
             // It will begin again, and say where.
-            self.work_left += run.work_per_step * run.env_steps as f64;
+            self.left[number] = run.work_per_step * run.budget as f64;
         }
     }
 
@@ -193,7 +191,7 @@ impl Progress {
     /// second.
     pub fn tick(&mut self) {
         let status = self.status();
-        let share = self.work_done / (self.work_done + self.work_left.max(0.0)).max(1e-9);
+        let share = self.work_done / (self.work_done + self.work_left()).max(1e-9);
         self.whole.set_position((1000.0 * share) as u64);
         self.whole.set_message(status.clone());
         if self.style == Style::Lines && self.last_line.elapsed() >= LINE_INTERVAL {
@@ -208,8 +206,7 @@ impl Progress {
         let speed = thousands(self.steps_done as f64 / elapsed);
         // The whole ends at the rate of work so far, but not before the slowest of the running
         // ones.
-        let by_work =
-            (self.work_done > 0.0).then(|| self.work_left.max(0.0) * elapsed / self.work_done);
+        let by_work = (self.work_done > 0.0).then(|| self.work_left() * elapsed / self.work_done);
         let slowest = self
             .running
             .values()
@@ -222,8 +219,13 @@ impl Progress {
         let running = self.running.len();
         format!(
             "{} of {} runs done, {running} running, {speed} steps/s, {left}",
-            self.ended, self.runs
+            self.ended,
+            self.left.len()
         )
+    }
+
+    fn work_left(&self) -> f64 {
+        self.left.iter().map(|left| left.max(0.0)).sum()
     }
 
     /// Writes a line above the bars. Errors are ignored: if stderr is gone, nobody reads it.
@@ -286,7 +288,7 @@ mod tests {
 
     #[test]
     fn nothing_is_promised_before_anything_is_known() {
-        let mut progress = Progress::new(Style::Quiet, false, 2, 20.0);
+        let mut progress = Progress::new(Style::Quiet, false, vec![10.0, 10.0]);
         progress.begin(0, "a", 0, 100, 10.0);
         assert!(
             progress.status().contains("0 of 2 runs done, 1 running")
@@ -298,26 +300,28 @@ mod tests {
 
     #[test]
     fn work_is_counted_once_however_often_a_run_begins() {
-        let mut progress = Progress::new(Style::Quiet, false, 2, 20.0);
+        // The first has a checkpoint at 40.
+        let mut progress = Progress::new(Style::Quiet, false, vec![6.0, 10.0]);
+        let left = |progress: &Progress, expected: f64| {
+            let left = progress.work_left();
+            assert!((left - expected).abs() < 1e-9, "{left}, not {expected}");
+        };
         progress.begin(0, "a", 40, 100, 10.0); // resumed
-        assert!((progress.work_left - 16.0).abs() < 1e-9);
+        left(&progress, 16.0);
         progress.iteration(0, 90, None);
-        assert!(
-            (progress.work_left - 11.0).abs() < 1e-9 && (progress.work_done - 5.0).abs() < 1e-9
-        );
+        left(&progress, 11.0);
+        assert!((progress.work_done - 5.0).abs() < 1e-9);
         progress.leave(0); // died; its last checkpoint was at 60
         progress.begin(0, "a", 60, 100, 10.0);
-        assert!(
-            (progress.work_left - 14.0).abs() < 1e-9,
-            "{}",
-            progress.work_left
-        );
-        progress.iteration(0, 100, None);
-        progress.end(0, 10.0);
-        assert!((progress.work_left - 10.0).abs() < 1e-9);
+        left(&progress, 14.0);
+        progress.iteration(0, 104, None); // a rollout is whole
+        left(&progress, 10.0);
+        progress.end(0);
+        left(&progress, 10.0);
         progress.leave(1); // another process works on it
-        assert!((progress.work_left - 10.0).abs() < 1e-9);
-        progress.end(1, 10.0); // and has finished it
-        assert!(progress.work_left.abs() < 1e-9 && progress.status().contains("2 of 2 runs done"));
+        left(&progress, 10.0);
+        progress.end(1); // and has finished it
+        left(&progress, 0.0);
+        assert!(progress.status().contains("2 of 2 runs done"));
     }
 }

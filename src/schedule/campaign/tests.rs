@@ -48,7 +48,7 @@ fn play_shown(
         .stop_at
         .as_ref()
         .map_or_else(StopRequest::default, |(_, stop)| stop.clone());
-    let mut progress = Progress::new(Style::Quiet, false, due.len(), 1.0);
+    let mut progress = Progress::new(Style::Quiet, false, vec![1.0; due.len()]);
     let summary = run(
         due,
         results,
