@@ -426,6 +426,15 @@ pub const MISTAKES: &[(&str, &[Told])] = &[
         )],
     ),
     (
+        "robot_called_like_one_that_ships",
+        &[(
+            12,
+            1,
+            "`model` cannot be set: Hopper-v2 ships with the program",
+            "a name of its own",
+        )],
+    ),
+    (
         "rollout_that_does_not_divide",
         &[(
             12,

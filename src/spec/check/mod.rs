@@ -452,6 +452,11 @@ impl<'a> Checker<'a> {
             settings, robot, ..
         } = Catalog::get();
         let is_robot = self.robots.has(name);
+        let first_of_robots = table
+            .keys()
+            .filter(|key| is_robots_alone(key.get_ref()))
+            .map(|key| key.span().start)
+            .min();
         for (key, value) in table {
             let text = key.get_ref().as_ref();
             self.key(text, |this| match text {
@@ -461,12 +466,14 @@ impl<'a> Checker<'a> {
                     this.section(robot, &[text], value)
                 }
                 _ if is_robots_alone(text) => {
-                    let label = "a robot of your own needs a name of its own".to_owned();
-                    this.wrong(
-                        key.span(),
-                        format!("`{text}` cannot be set: {name} ships with the program"),
-                        Some(label),
-                    );
+                    this.bad.push(this.way.clone());
+                    // The mistake is the name: one, however many keys follow from it.
+                    if first_of_robots == Some(key.span().start) {
+                        let label = "a robot of your own needs a name of its own".to_owned();
+                        let message =
+                            format!("`{text}` cannot be set: {name} ships with the program");
+                        this.note(key.span(), message, Some(label));
+                    }
                 }
                 _ => {
                     let robots = robot.keys(&[]).into_iter().flatten().filter(|_| is_robot);
