@@ -1,6 +1,10 @@
 //! Robots of one's own, and environments that this crate does not know.
 
-use std::{fs, path::Path, process::Command};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::Command,
+};
 
 use mcpo_run::{
     algo::{Agent, OnPolicy, trpo},
@@ -45,6 +49,20 @@ fn example() -> tempfile::TempDir {
         fs::copy(from, folder.path().join(file)).expect("it ships");
     }
     folder
+}
+
+/// The exit code of the program in `folder`, and all that it prints.
+fn mcpo_run(folder: &Path, arguments: &[&str]) -> (Option<i32>, String) {
+    let output = Command::new(env!("CARGO_BIN_EXE_mcpo-run"))
+        .args(arguments)
+        .current_dir(folder)
+        .output()
+        .expect("it starts");
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    (
+        output.status.code(),
+        text + &String::from_utf8_lossy(&output.stderr),
+    )
 }
 
 /// What 400 random steps show, as bits.
@@ -286,31 +304,64 @@ fn mistakes_are_told_where_they_are() {
     }
 }
 
+/// The table of a robot whose model and mesh [`stone`] writes.
+const STONE: &str = "model = 'stone.xml'\nframe_skip = 1\nactions = 'scaled'\n\
+    observation = [{ positions = {} }, { velocities = {} }]\n\
+    dense_reward = [{ forward_velocity = 1.0 }]\n";
+
+/// Writes a model with a mesh of `height` beside it, whose path is returned.
+fn stone(folder: &Path, height: f64) -> PathBuf {
+    let meshes = folder.join("meshes");
+    fs::create_dir_all(&meshes).expect("made");
+    let mesh = meshes.join("stone.obj");
+    let corners = format!("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 {height}\n");
+    fs::write(&mesh, corners + "f 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n").expect("written");
+    let model = "<mujoco><compiler meshdir='meshes'/>\
+        <asset><mesh name='stone' file='stone.obj'/></asset><worldbody>\
+        <body><joint name='x' type='slide' axis='1 0 0'/><geom type='mesh' mesh='stone'/></body>\
+        </worldbody><actuator><motor joint='x' ctrlrange='0 2'/></actuator></mujoco>";
+    fs::write(folder.join("stone.xml"), model).expect("written");
+    mesh
+}
+
+#[test]
+fn a_run_whose_mesh_is_gone_is_refused_before_it_is_reproduced() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mesh = stone(folder.path(), 1.0);
+    let matrix = "name = 'stone'\nreward = 'dense'\nbudget.env_steps = 64\n\
+        network.hidden = [4]\nevaluation.final_episodes = 1\n\
+        [rollout]\nsteps = 64\n[algorithms.ppo]\nminibatch = 64\n\
+        [[matrix]]\nseed = [0]\nenv = ['Stone']\nalgorithm = ['ppo']\n[environments.Stone]\n";
+    fs::write(folder.path().join("stone.toml"), matrix.to_owned() + STONE).expect("written");
+    let (code, text) = mcpo_run(folder.path(), &["run", "stone.toml", "--quiet"]);
+    assert_eq!(code, Some(0), "{text}");
+    let run = ["reproduce", "results/stone/runs/Stone/ppo/seed-0"];
+    let (code, text) = mcpo_run(folder.path(), &run);
+    assert_eq!(code, Some(0), "{text}");
+
+    fs::remove_file(mesh).expect("removed");
+    let (code, text) = mcpo_run(folder.path(), &run);
+    assert_eq!(code, Some(2), "{text}");
+    assert!(
+        text.contains("cannot be reproduced") && text.contains("stone.obj"),
+        "{text}"
+    );
+}
+
 #[test]
 fn a_mesh_beside_the_model_is_found_and_known_again() {
     let folder = tempfile::tempdir().expect("a folder");
-    let mesh = folder.path().join("meshes/stone.obj");
-    let stone = |height: f64| {
-        format!("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 {height}\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n")
-    };
-    fs::create_dir(folder.path().join("meshes")).expect("made");
-    fs::write(&mesh, stone(1.0)).expect("written");
-    let model = "<mujoco><compiler meshdir='meshes'/><asset><mesh name='stone' file='stone.obj'/></asset><worldbody>\
-                 <body><joint name='x' type='slide' axis='1 0 0'/><geom type='mesh' mesh='stone'/></body></worldbody>\
-                 <actuator><motor joint='x' ctrlrange='0 2'/></actuator></mujoco>";
-    fs::write(folder.path().join("stone.xml"), model).expect("written");
-    let table = "model = 'stone.xml'\nframe_skip = 1\nactions = 'scaled'\nobservation = [{ positions = {} }, \
-                 { velocities = {} }]\ndense_reward = [{ forward_velocity = 1.0 }]\n";
-    let first = mine(folder.path(), table);
+    stone(folder.path(), 1.0);
+    let first = mine(folder.path(), STONE);
     assert_eq!(
         first
             .spaces()
             .map(|spaces| (spaces.observation_dim, spaces.action_bound)),
         Some((2, 1.0))
     );
-    assert_eq!(mine(folder.path(), table), first, "the same robot");
+    assert_eq!(mine(folder.path(), STONE), first, "the same robot");
 
-    fs::write(&mesh, stone(2.0)).expect("written");
+    stone(folder.path(), 2.0);
     let error = Task::new(first, Reward::Dense, 9)
         .err()
         .expect("another mesh")
@@ -319,7 +370,7 @@ fn a_mesh_beside_the_model_is_found_and_known_again() {
         error.contains("stone.obj, which the model needs, is not what it was"),
         "{error}"
     );
-    let second = mine(folder.path(), table);
+    let second = mine(folder.path(), STONE);
     assert_ne!(second.model_digest(), first.model_digest());
     assert!(second != first && second.name() == first.name());
 }
@@ -413,14 +464,8 @@ fn a_run_s_fingerprint_holds_its_own_robot_alone() {
 fn what_is_recorded_needs_neither_file() {
     let folder = example();
     let program = |arguments: &[&str]| {
-        let output = Command::new(env!("CARGO_BIN_EXE_mcpo-run"))
-            .args(arguments)
-            .current_dir(folder.path())
-            .output();
-        let output = output.expect("it starts");
-        let text = String::from_utf8_lossy(&output.stdout).into_owned()
-            + &String::from_utf8_lossy(&output.stderr);
-        assert!(output.status.success(), "{arguments:?}: {text}");
+        let (code, text) = mcpo_run(folder.path(), arguments);
+        assert_eq!(code, Some(0), "{arguments:?}: {text}");
         text
     };
     let small = [
@@ -443,18 +488,37 @@ fn what_is_recorded_needs_neither_file() {
 }
 
 #[test]
+fn demonstrations_of_two_robots_of_one_name_are_not_collected_together() {
+    let folder = example();
+    let text = fs::read_to_string(folder.path().join("robot.toml")).expect("it was copied");
+    let other = text
+        .replace("name        = \"robot\"", "name = \"other\"")
+        .replace("frame_skip    = 2", "frame_skip = 4");
+    fs::write(folder.path().join("other.toml"), other).expect("written");
+    let collect = [
+        "demo",
+        "collect",
+        "robot.toml",
+        "other.toml",
+        "--out",
+        "demos",
+        "--target",
+        "9",
+    ];
+    let (code, text) = mcpo_run(folder.path(), &collect);
+    assert_eq!(code, Some(2), "{text}");
+    let told = "two files describe different robots called `Sled`";
+    assert!(text.contains(told), "{text}");
+    assert!(!folder.path().join("demos").exists(), "nothing is begun");
+}
+
+#[test]
 fn what_another_model_left_is_not_taken_for_this_one_s() {
     let folder = example();
     let program = |arguments: &[&str]| {
-        let output = Command::new(env!("CARGO_BIN_EXE_mcpo-run"))
-            .args(arguments)
-            .args(["--set", "budget.env_steps=2048"])
-            .current_dir(folder.path())
-            .output()
-            .expect("it starts");
-        let text = String::from_utf8_lossy(&output.stdout).into_owned();
-        let text = text + &String::from_utf8_lossy(&output.stderr);
-        (output.status.success(), text)
+        let short = ["--set", "budget.env_steps=2048"];
+        let (code, text) = mcpo_run(folder.path(), &[arguments, &short].concat());
+        (code == Some(0), text)
     };
     let of = |seed: &str| format!("env=Sled,algorithm=ppo,reward=dense,seed={seed}");
     let run = |seed: &str| program(&["run", "robot.toml", "--only", &of(seed), "--quiet"]);
