@@ -69,7 +69,7 @@ def width(iterations):
 
 
 def minibatch(iterations):
-    cases = [(n, [f"algorithms.ALGORITHM.minibatch={n}"]) for n in [64, 256, 1024, 4096]]
+    cases = [(n, [f"algorithms.ALGORITHM.minibatch={n}"]) for n in [64, 256, 1024]]
     speeds("minibatch", iterations, cases)
 
 
