@@ -95,13 +95,21 @@ fn operations(h: &Hyperparameters, counter: &Counter<'_>) -> Vec<Operations> {
         counter.trials(h.region.line_search_steps)
     };
     let mut parts = vec![counter.values(), counter.surrogate_gradient()];
+    // D is measured at each trial, and again at each correction.
+    let measured = trials + update.corrections.unwrap_or(0) as f64;
     parts.push(mimicry::operations(
         h.mmd.samples,
         h.critic.value_epochs,
-        trials,
+        measured,
         counter,
     ));
     parts.extend(trust_region::operations(&h.region, trials, counter));
+    // The dual had no use for H^-1 b, so that the first correction solved for it.
+    if update.case.as_deref() == Some("inactive") && update.corrections > Some(0) {
+        let products = h.region.cg_iterations.get() as f64;
+        let way_back = trust_region::fisher_products(&h.region, products, counter);
+        parts.push(("way back", way_back));
+    }
     if at_states && update.recovery_steps.is_some() {
         parts.push(("recovery", mimicry::descent_operations(counter)));
     }

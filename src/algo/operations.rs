@@ -22,8 +22,8 @@
 //! for each of the two sides. The activations of the rollout's pass are taken
 //! to be kept: the gradient of the surrogate and the old densities need no pass of their own. How
 //! often conjugate gradient, the line search and the recovery went round is read from the
-//! [`Update`]; conjugate gradient of a recovery from a rollout is not recorded there and counts as
-//! nothing. So work that an update leaves out lowers the floor with it, and work done twice does
+//! [`Update`]; what is not recorded there counts as nothing: conjugate gradient of a recovery from a
+//! rollout, and of corrections that no accepted trial has. So work that an update leaves out lowers the floor with it, and work done twice does
 //! not raise it.
 
 use std::ops::{Add, Mul};
@@ -372,7 +372,22 @@ mod tests {
             of(active.clone(), "Fisher products"),
             Some(work(20.0 * 2440.0 + 800.0, 0.0))
         );
-        assert_eq!(of(active, "recovery"), None);
+        assert_eq!(of(active.clone(), "recovery"), None);
+        // H^-1 b is only solved for in the line search where the dual did not need it.
+        let corrected = |case: &str| Update {
+            case: Some(case.to_owned()),
+            corrections: Some(2),
+            ..active.clone()
+        };
+        assert_eq!(
+            of(corrected("active"), "mimicry"),
+            Some(step + 4.0 * work(6.0 * 86.0 + 324.0, 6.0))
+        );
+        assert_eq!(of(corrected("active"), "way back"), None);
+        assert_eq!(
+            of(corrected("inactive"), "way back"),
+            Some(work(10.0 * 2440.0, 0.0))
+        );
         let infeasible = Update {
             recovery_steps: Some(4),
             ..case("infeasible")

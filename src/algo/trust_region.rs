@@ -100,8 +100,9 @@ impl TrustRegion {
         constrained_step(&mut fisher, g, constraint, self.max_kl.get(), self.limits())
     }
 
-    /// The direction along which b's constraint (`b` `[policy's dim]`) is met again soonest. `pass`
-    /// is overwritten.
+    /// The direction along which b's constraint (`b` `[policy's dim]`) is met again soonest.
+    /// `pass` is that of the last [`step`](Self::step) on the same `policy` and `observations`, of
+    /// which it holds the passes already.
     pub fn way_back(
         &self,
         policy: &GaussianPolicy,
@@ -111,12 +112,8 @@ impl TrustRegion {
     ) -> WayBack {
         let some = self.thinned(observations);
         let observations = some.as_ref().unwrap_or(observations);
-        policy.forward(observations, pass);
-        way_back(
-            &mut Fisher::new(policy, observations, pass, self.damping.get()),
-            b,
-            self.limits(),
-        )
+        let mut fisher = Fisher::new(policy, observations, pass, self.damping.get());
+        way_back(&mut fisher, b, self.limits())
     }
 
     /// Moves `policy` by the first of 1, 1/2, 1/4 ... of `step` that `judge` accepts, in at most
@@ -212,20 +209,29 @@ pub(super) fn operations(
     let &Counter {
         n, policy, update, ..
     } = counter;
-    let samples = (n / spacing(n as usize, region.fisher_samples.size()) as f64).ceil();
     let products = update.cg_iterations.unwrap_or(0) as f64;
     let once = if products > 0.0 {
-        policy.sensitivities
+        samples(region, n) * policy.sensitivities
     } else {
         Work::default()
     };
     [
         (
             "Fisher products",
-            samples * (products * policy.fisher_product + once),
+            once + fisher_products(region, products, counter),
         ),
         ("line search", trials * n * policy.forward()),
     ]
+}
+
+/// The work of so many `products` with the Fisher matrix, once there are sensitivities.
+pub(super) fn fisher_products(region: &TrustRegion, products: f64, counter: &Counter<'_>) -> Work {
+    samples(region, counter.n) * products * counter.policy.fisher_product
+}
+
+/// How many of a batch's `n` samples make the Fisher matrix.
+fn samples(region: &TrustRegion, n: f64) -> f64 {
+    (n / spacing(n as usize, region.fisher_samples.size()) as f64).ceil()
 }
 
 /// A policy that the line search tries.

@@ -44,6 +44,28 @@ fn a_thinned_fisher_matrix_is_that_of_evenly_spaced_samples() {
     );
 }
 
+/// The step's pass serves the way back too: to the bit, whether the matrix is thinned or not.
+#[test]
+fn the_way_back_is_solved_for_with_the_pass_of_the_step() {
+    let agent = one_step::agent(0.5);
+    let observations = DMatrix::from_fn(1, 120, |_, i| (0.7 * i as f32).sin());
+    let b: Vec<f32> = (0..agent.policy.dim())
+        .map(|i| (1.3 * i as f32).cos())
+        .collect();
+    for fisher_samples in [30, 120] {
+        let region = TrustRegion {
+            cg_iterations: constant(8),
+            fisher_samples: constant(fisher_samples),
+            ..TrustRegion::default()
+        };
+        let mut pass = Pass::default();
+        agent.policy.forward(&observations, &mut pass);
+        let step = region.step(&agent.policy, &observations, &mut pass, &b, None);
+        let way_back = region.way_back(&agent.policy, &observations, &mut pass, &b);
+        assert_eq!(way_back.slope, step.q);
+    }
+}
+
 #[test]
 fn the_gradient_is_the_slope_of_the_measured_gain() {
     let agent = one_step::agent(0.5);
