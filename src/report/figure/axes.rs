@@ -95,9 +95,11 @@ pub fn y_scale(data: &CurveData, panel: &Panel) -> Scale {
         .chain(panel.demo)
         .collect();
     let own = Scale::around(values.iter().copied(), data.log_y);
-    let papers = curves()
-        .filter_map(|curve| curve.paper)
-        .filter(|paper| beside::reached(&own, *paper));
+    // Curves of one height have no range that could be a measure.
+    let flat = values.windows(2).all(|pair| pair[0] == pair[1]);
+    let papers = beside::values(panel)
+        .flatten()
+        .filter(|paper| flat || beside::reached(&own, *paper));
     let inner = Scale::around(values.iter().copied().chain(papers), data.log_y);
     let bands = curves()
         .flat_map(|curve| &curve.points)

@@ -4,10 +4,14 @@
 //! end shows the direction, and the notes give the value.
 
 use super::ticks::Scale;
+use crate::report::curve::Panel;
 
 /// How far the paper's values may stretch the y axis to either side, in units of the range that it
 /// has without them.
 const REACH: f64 = 1.0;
+
+/// Arrows of one direction that stand apart; later ones lie on the last.
+const APART: usize = 6;
 
 /// Where one of the paper's values stands.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -20,12 +24,26 @@ pub enum Beside {
     Below(usize),
 }
 
+/// The paper's values that a panel shows, one for each series.
+pub fn values(panel: &Panel) -> impl Iterator<Item = Option<f64>> {
+    // A panel without points shows a text instead of lines.
+    let drawn = panel
+        .curves
+        .iter()
+        .flatten()
+        .any(|curve| !curve.points.is_empty());
+    panel
+        .curves
+        .iter()
+        .map(move |curve| curve.as_ref().filter(|_| drawn)?.paper)
+}
+
 /// The places of `values` beside the y axis `scale`.
 pub fn places(scale: &Scale, values: impl IntoIterator<Item = Option<f64>>) -> Vec<Option<Beside>> {
     let (mut above, mut below) = (0, 0);
     let turn = |count: &mut usize| {
         *count += 1;
-        *count - 1
+        (*count - 1).min(APART - 1)
     };
     let mut place = |value: f64| match scale.fraction(value) {
         fraction if fraction > 1.0 => Beside::Above(turn(&mut above)),

@@ -9,26 +9,26 @@ use super::{
 use crate::{
     report::{
         amount,
-        curve::{Curve, CurveData, LeftOut, Panel},
+        curve::{Curve, CurveData, LeftOut},
         over_seeds::SEEDS_FOR_T,
         text::alone,
     },
     spec::Band,
 };
 
-/// Notes on the curves: their seeds and bands, and what is lacking.
+/// Notes on the curves: their seeds and bands, what is lacking, and what lies beyond the axes.
 pub struct Notes {
     /// The meaning of curves and bands, for the caption.
     pub means: String,
     /// What the figure itself must say: the seeds and steps that are lacking, and the paper's
     /// values that its axes do not reach; empty where there is nothing.
-    pub lacking: String,
+    pub inside: String,
 }
 
 impl Notes {
     /// Both notes in one line.
     pub fn all(&self) -> String {
-        [self.means.as_str(), &self.lacking]
+        [self.means.as_str(), &self.inside]
             .iter()
             .filter(|part| !part.is_empty())
             .copied()
@@ -42,7 +42,7 @@ pub fn notes(data: &CurveData) -> Notes {
     if let Some(caption) = &data.caption {
         return Notes {
             means: caption.clone(),
-            lacking: String::new(),
+            inside: String::new(),
         };
     }
     let curves: Vec<(&str, &str, &Curve)> = data
@@ -60,7 +60,7 @@ pub fn notes(data: &CurveData) -> Notes {
     if curves.is_empty() {
         return Notes {
             means: String::new(),
-            lacking: String::new(),
+            inside: String::new(),
         };
     }
     let drawn = || {
@@ -151,8 +151,8 @@ pub fn notes(data: &CurveData) -> Notes {
         .panels
         .iter()
         .flat_map(|panel| {
-            let places = beside::places(&y_scale(data, panel), papers(panel));
-            let named = data.series.iter().zip(papers(panel)).zip(places);
+            let places = beside::places(&y_scale(data, panel), beside::values(panel));
+            let named = data.series.iter().zip(beside::values(panel)).zip(places);
             named.filter_map(|((series, paper), place)| match place? {
                 Beside::Within(_) => None,
                 Beside::Above(_) | Beside::Below(_) => Some(format!(
@@ -166,27 +166,13 @@ pub fn notes(data: &CurveData) -> Notes {
     if !beyond.is_empty() {
         notes.push(format!(
             "Arrows, for the paper's values beyond an axis: {}.",
-            shorten(&beyond)
+            beyond.join("; ")
         ));
     }
     Notes {
         means: means.join(" "),
-        lacking: notes.join(" "),
+        inside: notes.join(" "),
     }
-}
-
-/// The paper's values that a panel shows, one for each series.
-fn papers(panel: &Panel) -> impl Iterator<Item = Option<f64>> {
-    // A panel without points shows a text instead of lines.
-    let drawn = panel
-        .curves
-        .iter()
-        .flatten()
-        .any(|curve| !curve.points.is_empty());
-    panel
-        .curves
-        .iter()
-        .map(move |curve| curve.as_ref().filter(|_| drawn)?.paper)
 }
 
 /// The number of seeds behind a curve, and the meaning of shaded areas and thin lines.

@@ -47,7 +47,7 @@ pub fn draw(data: &CurveData) -> Picture {
     put_legend(data, &grid, top, &mut page);
     let notes = notes(data);
     page.notes(&if sheet.print {
-        notes.lacking
+        notes.inside
     } else {
         notes.all()
     });

@@ -34,7 +34,7 @@ pub struct Frame {
 /// Points of the page that a line leads through.
 type Path = Vec<(f64, f64)>;
 
-/// The width for the dashes of the paper's values to the right of the axes, at the screen's size.
+/// The width for the dashes and arrows of the paper's values to the right of the axes, at the screen's size.
 pub const GUTTER: f64 = 16.0;
 
 /// The height above the axes of a panel, for its title.
@@ -293,8 +293,8 @@ fn lines(data: &CurveData, panel: &Panel, sheet: &Sheet, axes: &Axes) -> Vec<Sha
                 .flat_map(|at| look::marker(sheet, *look, at)),
         );
     }
-    let papers = beside::places(&axes.y, curves.iter().map(|(_, curve)| curve.paper));
-    for ((look, _), place) in curves.iter().zip(papers) {
+    let places = beside::places(&axes.y, beside::values(panel));
+    for (look, place) in data.looks.iter().zip(places) {
         shapes.extend(
             place
                 .map(|place| paper(*look, place, sheet, axes))

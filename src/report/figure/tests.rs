@@ -136,7 +136,7 @@ fn curves_that_were_meant_to_have_fewer_seeds_lack_none() {
     ];
     let told = notes(&figure(panels, 1, "MCPO", false));
     assert!(
-        told.means.starts_with("Mean over 5 to 15 seeds;") && told.lacking.is_empty(),
+        told.means.starts_with("Mean over 5 to 15 seeds;") && told.inside.is_empty(),
         "{}",
         told.all()
     );
@@ -185,7 +185,7 @@ fn a_series_that_lacks_the_same_in_all_panels_is_named_once() {
         panel("Hopper-v2", vec![short(0), short(3)]),
         panel("Ant-v2", vec![short(0), short(4)]),
     ];
-    let told = notes(&figure(panels, 2, "method", false)).lacking;
+    let told = notes(&figure(panels, 2, "method", false)).inside;
     let expected = "Not complete: method 0 (0 of 5 seeds); method 1, Hopper-v2 (3 of 5 seeds); \
                     method 1, Ant-v2 (4 of 5 seeds).";
     assert_eq!(told, expected);
@@ -551,5 +551,16 @@ fn a_paper_s_value_far_from_the_curves_is_an_arrow_and_a_note() {
         .count();
     assert_eq!(arrows, 1);
     let said = "Arrows, for the paper's values beyond an axis: Ant-v2 (−5477).";
-    assert_eq!(notes(&data).lacking, said);
+    assert_eq!(notes(&data).inside, said);
+}
+
+#[test]
+fn the_axis_of_a_flat_curve_reaches_the_paper_s_value() {
+    let mut flat = curve(&[100.0, 100.0]);
+    flat.paper = Some(3000.0);
+    let mut flat = panel("Hopper-v2", vec![Some(flat)]);
+    flat.demo = None;
+    let data = figure(vec![flat], 1, "MCPO", false);
+    assert!(y_scale(&data, &data.panels[0]).high > 3000.0);
+    assert_eq!(notes(&data).inside, "");
 }

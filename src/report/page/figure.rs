@@ -218,7 +218,8 @@ pub fn axes(data: &CurveData, panel: &Panel) -> Axes {
     }
 }
 
-fn panel_html(data: &CurveData, index: usize, panel: &Panel, stride: usize) -> String {
+/// A panel: its title, its axes and its curves.
+pub fn panel_html(data: &CurveData, index: usize, panel: &Panel, stride: usize) -> String {
     let (_, width, height) = size(data);
     let axes = axes(data, panel);
     let named = panel.curves.iter().zip(&data.looks).enumerate();
@@ -226,22 +227,20 @@ fn panel_html(data: &CurveData, index: usize, panel: &Panel, stride: usize) -> S
         .filter_map(|(series, (curve, look))| Some((series, *look, curve.as_ref()?)))
         .collect();
     let turns = drawn.len();
-    let papers = beside::places(&axes.y, drawn.iter().map(|(_, _, curve)| curve.paper));
-    let lines =
-        drawn
-            .iter()
-            .zip(papers)
-            .enumerate()
-            .map(|(turn, (&(series, look, curve), paper))| {
-                // Markers of several curves are shifted, so that none hides another.
-                let shift = (turn as f64 + 0.5) / turns as f64;
-                format!(
-                    "<g class=\"series {}\" data-series=\"{series}\">{}{}</g>",
-                    class(look),
-                    line(curve, look, &axes, stride, shift),
-                    paper.map_or(String::new(), |place| paper_value(place, &axes))
-                )
-            });
+    let papers = beside::places(&axes.y, beside::values(panel));
+    let lines = drawn
+        .iter()
+        .enumerate()
+        .map(|(turn, &(series, look, curve))| {
+            // Markers of several curves are shifted, so that none hides another.
+            let shift = (turn as f64 + 0.5) / turns as f64;
+            format!(
+                "<g class=\"series {}\" data-series=\"{series}\">{}{}</g>",
+                class(look),
+                line(curve, look, &axes, stride, shift),
+                papers[series].map_or(String::new(), |place| paper_value(place, &axes))
+            )
+        });
     let (title, y_label) = (prose(&panel.title), escape::html(&data.y_label));
     let demo = panel.demo.map_or(String::new(), |demo| {
         format!(

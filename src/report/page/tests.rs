@@ -5,7 +5,11 @@ use super::*;
 use crate::{
     measured::Measure,
     plan,
-    report::{curve::CurveData, figure::PALETTE, identity::Identities},
+    report::{
+        curve::{Curve, CurveData, Panel, Point},
+        figure::PALETTE,
+        identity::Identities,
+    },
     spec::{self, Overrides},
 };
 
@@ -113,6 +117,43 @@ fn a_page_stays_small_whatever_is_drawn() {
         "it is said that points are left out"
     );
     assert!(many.len() < 5_000_000, "{} bytes", many.len());
+}
+
+#[test]
+fn a_paper_s_value_far_from_the_curves_is_an_arrow_and_none_stands_beside_nothing() {
+    let point = |env_steps: f64, mean: f64| Point {
+        env_steps,
+        mean,
+        band: None,
+    };
+    let mut curve = Curve {
+        points: vec![point(0.0, 100.0), point(1.0, 300.0)],
+        seeds: 5,
+        planned: 5,
+        paper: Some(-5477.0),
+        ..Curve::default()
+    };
+    let shown = |curve: &Curve| {
+        let panel = Panel {
+            title: "Ant-v2".into(),
+            curves: vec![Some(curve.clone())],
+            demo: None,
+        };
+        let data = CurveData {
+            looks: vec![0],
+            panels: vec![panel],
+            ..CurveData::default()
+        };
+        figure::panel_html(&data, 0, &data.panels[0], 1)
+    };
+    assert!(shown(&curve).contains("paper-beyond"));
+    curve.paper = Some(250.0);
+    let within = shown(&curve);
+    assert!(within.contains("paper-value") && !within.contains("paper-beyond"));
+    curve.points.clear();
+    curve.paper = Some(-5477.0);
+    let empty = shown(&curve);
+    assert!(empty.contains("nothing to draw yet") && !empty.contains("class=\"paper-"));
 }
 
 #[test]
