@@ -104,8 +104,8 @@ fn operations(h: &Hyperparameters, counter: &Counter<'_>) -> Vec<Operations> {
         counter,
     ));
     parts.extend(trust_region::operations(&h.region, trials, counter));
-    // The dual had no use for H^-1 b, so that the first correction solved for it.
-    if update.case.as_deref() == Some("inactive") && update.corrections > Some(0) {
+    // Without nu the dual had no use for H^-1 b, so that the first correction solved for it.
+    if update.nu == Some(0.0) && update.corrections > Some(0) {
         let products = h.region.cg_iterations.get() as f64;
         let way_back = trust_region::fisher_products(&h.region, products, counter);
         parts.push(("way back", way_back));

@@ -311,17 +311,17 @@ impl Mimicry {
     }
 }
 
-/// The work of D and b, and of D at each of the `trials` of a line search.
+/// The work of D and b, and of D so often `again` in a line search.
 pub(super) fn operations(
     samples: Samples,
     value_epochs: Count,
-    trials: f64,
+    again: f64,
     counter: &Counter<'_>,
 ) -> Operations {
     let &Counter { n, m, policy, .. } = counter;
     let work = match samples {
         Samples::DemoStates => {
-            descent_step(counter) + trials * (m * policy.forward() + kernel_at_states(counter))
+            descent_step(counter) + again * (m * policy.forward() + kernel_at_states(counter))
         }
         Samples::Rollout => {
             Work::products(2.0 * counter.point() * (n * n / 2.0 + n * counter.m))

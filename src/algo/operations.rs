@@ -22,8 +22,9 @@
 //! for each of the two sides. The activations of the rollout's pass are taken
 //! to be kept: the gradient of the surrogate and the old densities need no pass of their own. How
 //! often conjugate gradient, the line search and the recovery went round is read from the
-//! [`Update`]; what is not recorded there counts as nothing: conjugate gradient of a recovery from a
-//! rollout, and of corrections that no accepted trial has. So work that an update leaves out lowers the floor with it, and work done twice does
+//! [`Update`]; a way back that only a correction asked for is taken to spend all products that
+//! conjugate gradient may. What is not recorded there counts as nothing: conjugate gradient of a
+//! recovery from a rollout, and corrections that the outcome does not name. So work that an update leaves out lowers the floor with it, and work done twice does
 //! not raise it.
 
 use std::ops::{Add, Mul};
@@ -343,7 +344,7 @@ mod tests {
     /// their own side. Kernel values take 6 operations for the states of half of the 36, and 4 for
     /// the actions of all 54; two sides' gradients 4 for each of 36.
     #[test]
-    fn mimicry_is_measured_once_and_at_each_trial_or_descended() {
+    fn mimicry_is_measured_once_and_at_each_trial_and_correction_or_descended() {
         let mut h = mcpo::Hyperparameters::for_env(EnvId::Ant);
         h.critic.value_epochs = constant(2);
         let of = |update: Update, part: &str| {
@@ -374,18 +375,18 @@ mod tests {
         );
         assert_eq!(of(active.clone(), "recovery"), None);
         // H^-1 b is only solved for in the line search where the dual did not need it.
-        let corrected = |case: &str| Update {
-            case: Some(case.to_owned()),
+        let corrected = |nu: f64| Update {
+            nu: Some(nu),
             corrections: Some(2),
             ..active.clone()
         };
         assert_eq!(
-            of(corrected("active"), "mimicry"),
+            of(corrected(0.5), "mimicry"),
             Some(step + 4.0 * work(6.0 * 86.0 + 324.0, 6.0))
         );
-        assert_eq!(of(corrected("active"), "way back"), None);
+        assert_eq!(of(corrected(0.5), "way back"), None);
         assert_eq!(
-            of(corrected("inactive"), "way back"),
+            of(corrected(0.0), "way back"),
             Some(work(10.0 * 2440.0, 0.0))
         );
         let infeasible = Update {

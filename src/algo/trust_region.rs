@@ -101,8 +101,8 @@ impl TrustRegion {
     }
 
     /// The direction along which b's constraint (`b` `[policy's dim]`) is met again soonest.
-    /// `pass` is that of the last [`step`](Self::step) on the same `policy` and `observations`, of
-    /// which it holds the passes already.
+    /// `pass` is that of the last [`step`](Self::step) on the same `policy` and `observations`: its
+    /// activations and sensitivities serve again.
     pub fn way_back(
         &self,
         policy: &GaussianPolicy,

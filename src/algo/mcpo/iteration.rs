@@ -48,6 +48,7 @@ pub(super) struct Iteration<'a> {
     /// The tolerance d_k.
     pub tolerance: f64,
     pub mimicry: &'a mut Mimicry,
+    /// The pass of the dual's step, as it was left.
     pub fisher_pass: &'a mut Pass,
     pub pass: &'a mut Pass,
 }
