@@ -102,10 +102,10 @@ impl Progress {
         }
     }
 
-    /// Shows that run `number` begins at `from` of `budget` environment steps. The whole run would
+    /// Shows that run `number` begins at `from` of `steps` environment steps. The whole run would
     /// take `seconds`.
-    pub fn begin(&mut self, number: usize, label: &str, from: u64, budget: u64, seconds: f64) {
-        let budget = budget.max(1); // some runs take no steps
+    pub fn begin(&mut self, number: usize, label: &str, from: u64, steps: u64, seconds: f64) {
+        let budget = steps.max(1); // some runs take no steps
         let bar = self
             .screen
             .insert_before(&self.whole, ProgressBar::new(budget));
@@ -317,6 +317,8 @@ mod tests {
         progress.iteration(0, 104, None); // a rollout is whole
         left(&progress, 10.0);
         progress.end(0);
+        left(&progress, 10.0);
+        progress.begin(1, "b", 0, 0, 10.0); // takes no steps
         left(&progress, 10.0);
         progress.leave(1); // another process works on it
         left(&progress, 10.0);
