@@ -153,7 +153,8 @@ def start(_):
         stamp = json.loads(manifest.read_text())["stamp"]
         walls, cpus = [], []
         for attempt in range(20):
-            job = {"results": f"{folder}/{attempt}", "stamp": stamp, "verbose": False, "threads": 1}
+            results = {"Unix": list(os.fsencode(f"{folder}/{attempt}"))}  # paths travel as bytes
+            job = {"results": results, "stamp": stamp, "verbose": False, "threads": 1}
             began = time.perf_counter()
             process = subprocess.Popen([PROGRAM, "worker"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
             process.stdin.write(json.dumps(job) + "\n")
