@@ -311,7 +311,7 @@ impl Mimicry {
     }
 }
 
-/// The work of D and b, and of D so often `again` in a line search.
+/// The work of D and b, and of D as many times `again` as the line search measures it.
 pub(super) fn operations(
     samples: Samples,
     value_epochs: Count,

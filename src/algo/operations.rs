@@ -24,8 +24,8 @@
 //! often conjugate gradient, the line search and the recovery went round is read from the
 //! [`Update`]; a way back that only a correction asked for is taken to spend all products that
 //! conjugate gradient may. What is not recorded there counts as nothing: conjugate gradient of a
-//! recovery from a rollout, and corrections that the outcome does not name. So work that an update leaves out lowers the floor with it, and work done twice does
-//! not raise it.
+//! recovery from a rollout, and corrections that the outcome does not name. So work that an update
+//! leaves out lowers the floor with it, and work done twice does not raise it.
 
 use std::ops::{Add, Mul};
 

@@ -147,22 +147,7 @@ pub fn notes(data: &CurveData) -> Notes {
         "Points left out because a seed has none there",
         |left_out| left_out.absent,
     );
-    let beyond: Vec<String> = data
-        .panels
-        .iter()
-        .flat_map(|panel| {
-            let places = beside::places(&y_scale(data, panel), beside::values(panel));
-            let named = data.series.iter().zip(beside::values(panel)).zip(places);
-            named.filter_map(|((series, paper), place)| match place? {
-                Beside::Within(_) => None,
-                Beside::Above(_) | Beside::Below(_) => Some(format!(
-                    "{} ({})",
-                    name(&panel.title, &series.text),
-                    alone(paper?)
-                )),
-            })
-        })
-        .collect();
+    let beyond = beyond(data, name);
     if !beyond.is_empty() {
         notes.push(format!(
             "Arrows, for the paper's values beyond an axis: {}.",
@@ -173,6 +158,22 @@ pub fn notes(data: &CurveData) -> Notes {
         means: means.join(" "),
         inside: notes.join(" "),
     }
+}
+
+/// The paper's values that the axes do not reach, each with the `name` of its panel and series.
+fn beyond(data: &CurveData, name: impl Fn(&str, &str) -> String) -> Vec<String> {
+    let mut told = Vec::new();
+    for panel in &data.panels {
+        let places = beside::places(&y_scale(data, panel), beside::values(panel));
+        let values = beside::values(panel).zip(places);
+        for (series, (value, place)) in data.series.iter().zip(values) {
+            if let (Some(value), Some(Beside::Above(_) | Beside::Below(_))) = (value, place) {
+                let name = name(&panel.title, &series.text);
+                told.push(format!("{name} ({})", alone(value)));
+            }
+        }
+    }
+    told
 }
 
 /// The number of seeds behind a curve, and the meaning of shaded areas and thin lines.

@@ -34,7 +34,7 @@ pub struct Frame {
 /// Points of the page that a line leads through.
 type Path = Vec<(f64, f64)>;
 
-/// The width for the dashes and arrows of the paper's values to the right of the axes, at the screen's size.
+/// The width for the paper's values to the right of the axes, at the screen's size.
 pub const GUTTER: f64 = 16.0;
 
 /// The height above the axes of a panel, for its title.
@@ -295,12 +295,9 @@ fn lines(data: &CurveData, panel: &Panel, sheet: &Sheet, axes: &Axes) -> Vec<Sha
     }
     let places = beside::places(&axes.y, beside::values(panel));
     for (look, place) in data.looks.iter().zip(places) {
-        shapes.extend(
-            place
-                .map(|place| paper(*look, place, sheet, axes))
-                .into_iter()
-                .flatten(),
-        );
+        if let Some(place) = place {
+            shapes.extend(paper(*look, place, sheet, axes));
+        }
     }
     shapes
 }
@@ -312,28 +309,24 @@ fn paper(look: usize, place: Beside, sheet: &Sheet, axes: &Axes) -> Vec<Shape> {
         axes.right + sheet.scaled(GUTTER),
     );
     let color = look::color(look);
-    let size = sheet.scaled(3.5);
-    let arrow = |tip: f64, base: f64| {
-        let middle = (from + to) / 2.0;
-        let points = vec![(middle, tip), (middle - size, base), (middle + size, base)];
+    // Each arrow points outwards from `end`, and stands further inwards than the one before.
+    let arrow = |end: f64, inwards: f64, turn: usize| {
+        let (middle, size) = ((from + to) / 2.0, sheet.scaled(3.5));
+        let tip = end + inwards * 1.9 * size * turn as f64;
+        let base = tip + inwards * 1.6 * size;
         vec![Shape::Area {
-            points,
+            points: vec![(middle, tip), (middle - size, base), (middle + size, base)],
             color,
             opacity: 1.0,
         }]
     };
-    // Each arrow stands nearer to the middle than the one before.
-    let nth = |turn: usize| (1.9 * size) * turn as f64;
     match place {
         Beside::Within(value) => {
             let y = axes.height_of(value);
             Look::Paper.line(sheet, &[(from, y), (to, y)], color)
         }
-        Beside::Above(turn) => arrow(axes.top + nth(turn), axes.top + nth(turn) + 1.6 * size),
-        Beside::Below(turn) => arrow(
-            axes.bottom - nth(turn),
-            axes.bottom - nth(turn) - 1.6 * size,
-        ),
+        Beside::Above(turn) => arrow(axes.top, 1.0, turn),
+        Beside::Below(turn) => arrow(axes.bottom, -1.0, turn),
     }
 }
 

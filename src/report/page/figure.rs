@@ -384,23 +384,19 @@ fn line(curve: &Curve, look: usize, axes: &Axes, stride: usize, shift: f64) -> S
 
 /// One of the paper's values beside the axes: a dash at its height, or an arrow at the axis' end.
 fn paper_value(place: Beside, axes: &Axes) -> String {
-    const ARROW: f64 = 90.0;
     let (from, middle) = (axes.right + 20.0, axes.right + 75.0);
-    // Each arrow stands nearer to the middle than the one before.
-    let nth = |turn: usize| 1.2 * ARROW * turn as f64;
+    // Each arrow points outwards from `end`, and stands further inwards than the one before.
+    let arrow = |end: f64, inwards: f64, turn: usize| {
+        let (tip, height) = (end + inwards * 108.0 * turn as f64, inwards * 90.0);
+        format!("<path class=\"paper-beyond\" d=\"M{middle} {tip:.0}l-50 {height}h100z\"/>")
+    };
     match place {
         Beside::Within(value) => {
             let y = axes.height_of(value);
             format!("<path class=\"paper-value\" d=\"M{from} {y:.0}h110\"/>")
         }
-        Beside::Above(turn) => {
-            let tip = axes.top + nth(turn);
-            format!("<path class=\"paper-beyond\" d=\"M{middle} {tip:.0}l-50 {ARROW}h100z\"/>")
-        }
-        Beside::Below(turn) => {
-            let tip = axes.bottom - nth(turn);
-            format!("<path class=\"paper-beyond\" d=\"M{middle} {tip:.0}l-50 -{ARROW}h100z\"/>")
-        }
+        Beside::Above(turn) => arrow(axes.top, 1.0, turn),
+        Beside::Below(turn) => arrow(axes.bottom, -1.0, turn),
     }
 }
 
